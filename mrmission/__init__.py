@@ -1,0 +1,3 @@
+"""mrmission: MAVLink survey missions for fleets of boats and drones."""
+
+__version__ = "0.1.0"

@@ -1,0 +1,108 @@
+"""What a user may ask for, validated once: :class:`PlanOptions` and :class:`VehicleLimits`."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from typing import Any
+
+from mrmission.errors import ConfigError
+
+METHODS = ("crc", "cac", "fhk", "nrc")
+VEHICLES = ("boat", "rover", "copter")
+MIN_LANE_OVERLAP_M = 0.02
+"""Lanes lie at least this much closer than the swath, so that rounding opens no gap."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VehicleLimits:
+    """What an autopilot can hold (defaults: ArduPilot Rover without an SD card)."""
+
+    mission_items: int = 655
+    fence_bytes: int = 672
+    fence_polygon_points: int = 83
+    rally_points: int = 50
+
+    def fence_bytes_of(self, points: int) -> int:
+        """Bytes that one polygon of `points` points takes in the fence store."""
+        return 8 * points + 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanOptions:
+    """Options of one plan. Units are in the names; see `docs/cli.md` for the flags.
+
+    Raises
+    ------
+    ConfigError
+        When a value is outside its range.
+    """
+
+    robots: int = 1
+    swath_m: float = 20.0
+    overlap: float = 0.1
+    clearance_m: float = 10.0
+    survey_speed_m_s: float = 2.0
+    transit_speed_m_s: float = 2.0
+    starts_lonlat: tuple[tuple[float, float], ...] = ()
+    method: str = "auto"
+    angle_deg: float | None = None
+    vehicle: str = "boat"
+    altitude_m: float = 30.0
+    berth_spacing_m: float = 15.0
+    fence: bool = True
+    fence_margin_m: float = 2.0
+    part: int | None = None
+    limits: VehicleLimits = VehicleLimits()
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        def check(ok: bool, flag: str, value: object, rule: str) -> None:
+            if not ok:
+                raise ConfigError(f"{flag} {value}: must be {rule}")
+
+        check(1 <= self.robots <= 250, "--k", self.robots, "between 1 and 250")
+        for flag, value in (
+            ("--swath", self.swath_m),
+            ("--survey-speed", self.survey_speed_m_s),
+            ("--transit-speed", self.transit_speed_m_s),
+        ):
+            check(math.isfinite(value) and value > 0, flag, value, "a finite number above 0")
+        check(self.swath_m >= 0.5, "--swath", self.swath_m, "at least 0.5 m")
+        check(0 <= self.overlap < 0.95, "--overlap", self.overlap, "at least 0 and below 0.95")
+        check(
+            math.isfinite(self.clearance_m) and self.clearance_m >= 0,
+            "--clearance", self.clearance_m, "a finite number, 0 or more",
+        )  # fmt: skip
+        check(
+            self.method in (*METHODS, "auto"),
+            "--method",
+            self.method,
+            "one of " + ", ".join((*METHODS, "auto")),
+        )
+        check(self.vehicle in VEHICLES, "--vehicle", self.vehicle, "one of " + ", ".join(VEHICLES))
+        check(
+            self.angle_deg is None or math.isfinite(self.angle_deg),
+            "--angle",
+            self.angle_deg,
+            "a finite number",
+        )
+        check(
+            len(self.starts_lonlat) in (0, 1, self.robots),
+            "--start", f"given {len(self.starts_lonlat)} times", f"given once, or once per robot ({self.robots})",
+        )  # fmt: skip
+        for lon, lat in self.starts_lonlat:
+            check(
+                math.isfinite(lon) and math.isfinite(lat) and abs(lon) <= 360 and abs(lat) <= 90,
+                "--start", f"{lon},{lat}", "LON,LAT in degrees",
+            )  # fmt: skip
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the options as plain JSON values."""
+        out: dict[str, Any] = {}
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if isinstance(value, VehicleLimits):
+                value = {f.name: getattr(value, f.name) for f in fields(value)}
+            out[item.name] = value
+        return out
