@@ -1,0 +1,69 @@
+"""The few numbers of MAVLink that a survey mission needs, and what they mean to a reader."""
+
+from __future__ import annotations
+
+from typing import Final
+
+FRAME_GLOBAL: Final = 0
+FRAME_LOCAL_NED: Final = 1
+FRAME_MISSION: Final = 2
+FRAME_GLOBAL_RELATIVE_ALT: Final = 3
+
+NAV_WAYPOINT: Final = 16
+NAV_LOITER_UNLIM: Final = 17
+NAV_LOITER_TURNS: Final = 18
+NAV_LOITER_TIME: Final = 19
+NAV_RETURN_TO_LAUNCH: Final = 20
+NAV_LAND: Final = 21
+NAV_TAKEOFF: Final = 22
+NAV_SPLINE_WAYPOINT: Final = 82
+DO_JUMP: Final = 177
+DO_CHANGE_SPEED: Final = 178
+FENCE_RETURN_POINT: Final = 5000
+FENCE_INCLUSION_VERTEX: Final = 5001
+FENCE_EXCLUSION_VERTEX: Final = 5002
+FENCE_INCLUSION_CIRCLE: Final = 5003
+FENCE_EXCLUSION_CIRCLE: Final = 5004
+RALLY_POINT: Final = 5100
+
+SPEED_TYPE_GROUND: Final = 1.0
+THROTTLE_UNCHANGED: Final = -1.0
+
+NAVIGATION: Final = frozenset(
+    {
+        NAV_WAYPOINT,
+        NAV_LOITER_UNLIM,
+        NAV_LOITER_TURNS,
+        NAV_LOITER_TIME,
+        NAV_LAND,
+        NAV_TAKEOFF,
+        NAV_SPLINE_WAYPOINT,
+    }
+)
+"""Commands that a vehicle travels to."""
+
+DEGREE_FRAMES: Final = frozenset({0, 3, 5, 6, 10, 11})
+"""Frames in which x and y are latitude and longitude in 1e-7 degrees; elsewhere they are plain."""
+
+VEHICLE_TYPES: Final = {"boat": 11, "rover": 10, "copter": 2}
+"""MAV_TYPE of each vehicle."""
+
+
+def e7(degrees: float) -> int:
+    """Return degrees as the nearest multiple of 1e-7 degrees (never truncated).
+
+    >>> e7(34.0627131), e7(-81.29566269999999)
+    (340627131, -812956627)
+    """
+    return round(degrees * 1e7)
+
+
+def degrees_text(value_e7: int) -> str:
+    """Return 1e-7 degrees as decimal degrees, exactly.
+
+    >>> degrees_text(-812956627)
+    '-81.2956627'
+    """
+    sign = "-" if value_e7 < 0 else ""
+    whole, part = divmod(abs(value_e7), 10_000_000)
+    return f"{sign}{whole}.{part:07d}"
