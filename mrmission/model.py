@@ -150,6 +150,25 @@ class Lanes:
         return len(self.cell)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PostmanTour:
+    """Closed walk over the edges (cells) of a Reeb graph, each once or twice.
+
+    Step ``i`` goes along cell ``edge[i]`` from ``node[i]`` to ``node[i + 1]``; ``direction[i]`` is
+    +1 from tail to head, -1 back. ``copy[i]`` is 0 for a cell that is walked once, 1 and 2 for the
+    first and the second walk of a doubled one. ``doubled`` are the doubled cells, rising.
+    """
+
+    edge: IntArray
+    direction: npt.NDArray[np.int8]
+    copy: npt.NDArray[np.int8]
+    node: IntArray
+    doubled: IntArray
+
+    def __len__(self) -> int:
+        return len(self.edge)
+
+
 # --- tours ---------------------------------------------------------------------------------------
 
 
