@@ -41,17 +41,6 @@ def _item(
     )
 
 
-def wrap_lon_deg(lon_deg: float) -> float:
-    """Return a longitude within -180..180 (areas across the antimeridian leave that range).
-
-    >>> wrap_lon_deg(181.5), wrap_lon_deg(180.0), wrap_lon_deg(-180.25)
-    (-178.5, 180.0, 179.75)
-    """
-    if -180.0 <= lon_deg <= 180.0:
-        return lon_deg
-    return math.remainder(lon_deg, 360.0)
-
-
 def merge_collinear(
     points_m: FloatArray, kind: KindArray, lane: IntArray, tolerance_m: float = 0.01
 ) -> tuple[FloatArray, KindArray, IntArray]:
@@ -173,7 +162,9 @@ def build_items(
     if not np.isfinite(path).all():
         bad = int(np.flatnonzero(~np.isfinite(path).all(axis=1))[0])
         raise PlanningError(f"point {bad} of the path is {path[bad].tolist()}: not a position")
-    positions = [(mavlink.e7(lat), mavlink.e7(wrap_lon_deg(lon))) for lon, lat in path.tolist()]
+    positions = [
+        (mavlink.e7(lat), mavlink.e7(mavlink.wrap_lon_deg(lon))) for lon, lat in path.tolist()
+    ]
     if len(positions) < 2 or len(set(positions)) < 2:
         return (), (), ()
     if positions[0] != positions[-1]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 FRAME_GLOBAL: Final = 0
@@ -58,6 +59,21 @@ def e7(degrees: float) -> int:
     return round(degrees * 1e7)
 
 
+def degrees(value_e7: int) -> float:
+    """Return 1e-7 degrees as a float that gives the integer back, rounded or truncated.
+
+    Readers that truncate exist (MAVSDK 4.1 does), so where ``value / 1e7 * 1e7`` falls short of
+    the integer the next float away from zero is taken.
+
+    >>> int(299769035 / 1e7 * 1e7), int(degrees(299769035) * 1e7)
+    (299769034, 299769035)
+    """
+    value = value_e7 / 1e7
+    while int(value * 1e7) != value_e7:
+        value = math.nextafter(value, math.copysign(math.inf, value))
+    return value
+
+
 def degrees_text(value_e7: int) -> str:
     """Return 1e-7 degrees as decimal degrees, exactly.
 
@@ -67,3 +83,14 @@ def degrees_text(value_e7: int) -> str:
     sign = "-" if value_e7 < 0 else ""
     whole, part = divmod(abs(value_e7), 10_000_000)
     return f"{sign}{whole}.{part:07d}"
+
+
+def wrap_lon_deg(lon_deg: float) -> float:
+    """Return a longitude within -180..180 (areas across the antimeridian leave that range).
+
+    >>> wrap_lon_deg(181.5), wrap_lon_deg(180.0), wrap_lon_deg(-180.25)
+    (-178.5, 180.0, 179.75)
+    """
+    if -180.0 <= lon_deg <= 180.0:
+        return lon_deg
+    return math.remainder(lon_deg, 360.0)

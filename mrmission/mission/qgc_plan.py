@@ -21,6 +21,7 @@ import numpy as np
 from mrmission.errors import PlanFormatError
 from mrmission.mission import mavlink
 from mrmission.mission.files import write_whole
+from mrmission.mission.mavlink import degrees, wrap_lon_deg
 from mrmission.model import FencePolygon, Mission, MissionItem, RallyPoint, read_only
 
 FIRMWARE_ARDUPILOT = 3
@@ -59,7 +60,7 @@ def plan_text(mission: Mission, home_lonlat: Position | None = None) -> str:
             "polygons": [
                 {
                     "inclusion": polygon.inclusion,
-                    "polygon": [[p / 1e7, q / 1e7] for p, q in polygon.points_e7.tolist()],
+                    "polygon": [[degrees(p), degrees(q)] for p, q in polygon.points_e7.tolist()],
                     "version": 1,
                 }
                 for polygon in mission.fence
@@ -79,7 +80,7 @@ def plan_text(mission: Mission, home_lonlat: Position | None = None) -> str:
         },
         "rallyPoints": {
             "points": [
-                [point.lat_e7 / 1e7, point.lon_e7 / 1e7, _number(point.altitude_m)]
+                [degrees(point.lat_e7), degrees(point.lon_e7), _number(point.altitude_m)]
                 for point in mission.rally
             ],
             "version": 2,
@@ -115,14 +116,15 @@ def write_plan(
 def _home(mission: Mission, home_lonlat: Position | None) -> tuple[float, float, float]:
     if mission.items:
         home = mission.items[0]
-        return home.x / 1e7, home.y / 1e7, _number(home.z)
+        return degrees(home.x), degrees(home.y), _number(home.z)
     if home_lonlat is not None:
-        return mavlink.e7(home_lonlat[1]) / 1e7, mavlink.e7(home_lonlat[0]) / 1e7, 0
+        lon, lat = home_lonlat
+        return degrees(mavlink.e7(lat)), degrees(mavlink.e7(wrap_lon_deg(lon))), 0
     if mission.rally:
-        return mission.rally[0].lat_e7 / 1e7, mission.rally[0].lon_e7 / 1e7, 0
+        return degrees(mission.rally[0].lat_e7), degrees(mission.rally[0].lon_e7), 0
     if mission.fence:
         lat_e7, lon_e7 = mission.fence[0].points_e7[0].tolist()
-        return lat_e7 / 1e7, lon_e7 / 1e7, 0
+        return degrees(lat_e7), degrees(lon_e7), 0
     return 0.0, 0.0, 0
 
 
@@ -134,7 +136,7 @@ def _number(value: float) -> Any:
 
 
 def _simple_item(item: MissionItem) -> dict[str, Any]:
-    degrees = item.frame in mavlink.DEGREE_FRAMES
+    in_degrees = item.frame in mavlink.DEGREE_FRAMES
     out: dict[str, Any] = {
         "autoContinue": bool(item.autocontinue),
         "command": item.command,
@@ -145,8 +147,8 @@ def _simple_item(item: MissionItem) -> dict[str, Any]:
             _number(item.param2),
             _number(item.param3),
             _number(item.param4),
-            item.x / 1e7 if degrees else item.x,
-            item.y / 1e7 if degrees else item.y,
+            degrees(item.x) if in_degrees else item.x,
+            degrees(item.y) if in_degrees else item.y,
             _number(item.z),
         ],
         "type": "SimpleItem",
@@ -229,10 +231,10 @@ class _Reader:
         )
 
     def degrees_e7(self, value: object, where: str, limit: float, name: str) -> int:
-        degrees = self.number(value, where)
-        if abs(degrees) > limit:
+        number = self.number(value, where)
+        if abs(number) > limit:
             self.fail(where, value, f"a {name} from -{limit:g} to {limit:g} degrees")
-        return mavlink.e7(degrees)
+        return mavlink.e7(number)
 
 
 def _join(where: str, key: str) -> str:
