@@ -1,0 +1,610 @@
+"""Compiled kernels for in-water paths: who sees whom, tangent visibility graph, shortest paths.
+
+The land is shrunk by a hair (`tolerance`, about 1e-7 m) before anything is tested against it, and
+paths bend at the corners of the land as given. So a leg along the shore, through a point where two
+islands touch, or over a row of corners on one line is clear of the shrunk land by far more than a
+rounding error: there is no degenerate case left for a floating-point predicate to get wrong.
+
+Everything lives in one :data:`Grid` tuple, so that few signatures are compiled. Rays walk a uniform
+grid of the shore's edges and leap over open water by the cells' distance to the next shore cell.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+Float: TypeAlias = npt.NDArray[np.float64]
+Int: TypeAlias = npt.NDArray[np.int32]
+Byte: TypeAlias = npt.NDArray[np.uint8]
+
+Grid: TypeAlias = tuple[Float, Int, Int, Int, Int, Byte, Float, Float]
+"""``(frame, shape, start, item, leap, inside, shrunk, shore)``.
+
+frame: origin x, origin y, cell size; shape: columns, rows; ``item[start[c]:start[c + 1]]`` are the
+edges near cell c (c = column * rows + row); leap: chessboard distance to the next cell with edges;
+inside: is the cell's centre in the water; shrunk, shore: (n, 4) edges x1, y1, x2, y2.
+"""
+
+Graph: TypeAlias = tuple[Float, Float, Float, Float, Int, Int, Float]
+"""``(node, before, after, land, start, neighbour, length)``.
+
+node: (n, 2) land corners; before, after: their neighbours on the ring; land: unit vector into the
+land; CSR of the tangent edges.
+"""
+
+
+@njit(cache=True, inline="always")
+def _cell_range(low: float, high: float, origin: float, size: float, count: int) -> Any:
+    """Return the first and last cell that [low, high] touches."""
+    first = int((low - origin) / size)
+    last = int((high - origin) / size)
+    return max(0, min(count - 1, first)), max(0, min(count - 1, last))
+
+
+@njit(cache=True)
+def build_grid(shore: Float, shrunk: Float, cells: int) -> Grid:
+    """Sort the shore's edges into a uniform grid of about `cells` cells."""
+    n = len(shore)
+    x_min = x_max = shore[0, 0]
+    y_min = y_max = shore[0, 1]
+    for e in range(n):
+        x_min = min(x_min, shore[e, 0])
+        x_max = max(x_max, shore[e, 0])
+        y_min = min(y_min, shore[e, 1])
+        y_max = max(y_max, shore[e, 1])
+    # The odd margins keep cell borders and centres off the round coordinates of rasters.
+    span = max(x_max - x_min, y_max - y_min) + 1e-3
+    x_min -= 0.000731 * span
+    y_min -= 0.000913 * span
+    x_max += 0.000677 * span
+    y_max += 0.000797 * span
+    size = math.sqrt((x_max - x_min) * (y_max - y_min) / cells)
+    size = max(size, span / 4000.0)
+    columns = int((x_max - x_min) / size) + 1
+    rows = int((y_max - y_min) / size) + 1
+    # Edges count for every cell they come near, so that a ray that slips through a cell's corner
+    # by a rounding error still meets them.
+    pad = 1e-4 * size + 1e-5
+    start = np.zeros(columns * rows + 1, np.int32)
+    item = np.zeros(1, np.int32)
+    for turn in range(2):
+        if turn == 1:
+            total = 0
+            for c in range(columns * rows):
+                here = start[c]
+                start[c] = total
+                total += here
+            start[columns * rows] = total
+            item = np.zeros(max(total, 1), np.int32)
+        for e in range(n):
+            x1, y1, x2, y2 = shore[e, 0], shore[e, 1], shore[e, 2], shore[e, 3]
+            if x1 > x2:
+                x1, y1, x2, y2 = x2, y2, x1, y1
+            c1, c2 = _cell_range(x1 - pad, x2 + pad, x_min, size, columns)
+            for c in range(c1, c2 + 1):
+                ya, yb = y1, y2
+                if x2 - x1 > pad:
+                    slope = (y2 - y1) / (x2 - x1)
+                    left = x_min + c * size - pad
+                    right = x_min + (c + 1) * size + pad
+                    if left > x1:
+                        ya = y1 + slope * (left - x1)
+                    if right < x2:
+                        yb = y1 + slope * (right - x1)
+                r1, r2 = _cell_range(min(ya, yb) - pad, max(ya, yb) + pad, y_min, size, rows)
+                for r in range(r1, r2 + 1):
+                    if turn == 1:
+                        item[start[c * rows + r]] = e
+                    start[c * rows + r] += 1
+    for c in range(columns * rows, 0, -1):
+        start[c] = start[c - 1]
+    start[0] = 0
+
+    leap = np.zeros(columns * rows, np.int32)
+    for c in range(columns):
+        for r in range(rows):
+            i = c * rows + r
+            if start[i + 1] == start[i]:
+                # Beyond the grid there is nothing to hit.
+                best = np.int32(1 << 20)
+                if c > 0:
+                    best = min(best, leap[i - rows])
+                    if r > 0:
+                        best = min(best, leap[i - rows - 1])
+                    if r < rows - 1:
+                        best = min(best, leap[i - rows + 1])
+                if r > 0:
+                    best = min(best, leap[i - 1])
+                leap[i] = best + 1
+    for c in range(columns - 1, -1, -1):
+        for r in range(rows - 1, -1, -1):
+            i = c * rows + r
+            best = leap[i]
+            if best > 0:
+                if c < columns - 1:
+                    best = min(best, leap[i + rows] + 1)
+                    if r > 0:
+                        best = min(best, leap[i + rows - 1] + 1)
+                    if r < rows - 1:
+                        best = min(best, leap[i + rows + 1] + 1)
+                if r < rows - 1:
+                    best = min(best, leap[i + 1] + 1)
+                leap[i] = best
+
+    # Is a cell's centre in the water: parity of the edges above it.
+    inside = np.zeros(columns * rows, np.uint8)
+    for e in range(n):
+        x1, y1, x2, y2 = shore[e, 0], shore[e, 1], shore[e, 2], shore[e, 3]
+        if x1 > x2:
+            x1, y1, x2, y2 = x2, y2, x1, y1
+        c1, c2 = _cell_range(x1, x2, x_min, size, columns)
+        for c in range(c1, c2 + 1):
+            x = x_min + (c + 0.5) * size
+            if x1 <= x < x2:
+                y = y1 + (y2 - y1) * ((x - x1) / (x2 - x1))
+                r = math.floor((y - y_min) / size - 0.5)
+                if r >= 0:
+                    inside[c * rows + min(r, rows - 1)] ^= 1
+    for c in range(columns):
+        for r in range(rows - 2, -1, -1):
+            inside[c * rows + r] ^= inside[c * rows + r + 1]
+
+    frame = np.array([x_min, y_min, size])
+    shape = np.array([columns, rows], dtype=np.int32)
+    return frame, shape, start, item, leap, inside, shrunk, shore
+
+
+@njit(cache=True)
+def _clear(grid: Grid, ax: float, ay: float, bx: float, by: float) -> bool:
+    """Return whether the segment stays off the shrunk land."""
+    frame, shape, start, item, leap, _, shrunk, _ = grid
+    size = frame[2]
+    columns, rows = shape[0], shape[1]
+    dx, dy = bx - ax, by - ay
+    ux, uy = (ax - frame[0]) / size, (ay - frame[1]) / size
+    vx, vy = dx / size, dy / size
+    c = min(max(int(ux), 0), columns - 1)
+    r = min(max(int(uy), 0), rows - 1)
+    inverse_x = 1.0 / vx if vx != 0.0 else 0.0
+    inverse_y = 1.0 / vy if vy != 0.0 else 0.0
+    while True:
+        i = c * rows + r
+        reach = leap[i] - 1
+        if reach < 0:
+            reach = 0
+            for k in range(start[i], start[i + 1]):
+                e = item[k]
+                px, py = shrunk[e, 0], shrunk[e, 1]
+                qx, qy = shrunk[e, 2], shrunk[e, 3]
+                side_p = dx * (py - ay) - dy * (px - ax)
+                side_q = dx * (qy - ay) - dy * (qx - ax)
+                if (side_p >= 0.0) != (side_q >= 0.0):
+                    ex, ey = qx - px, qy - py
+                    side_a = ex * (ay - py) - ey * (ax - px)
+                    side_b = ex * (by - py) - ey * (bx - px)
+                    if (side_a >= 0.0) != (side_b >= 0.0):
+                        return False
+        tx = ty = 2.0
+        if vx > 0.0:
+            tx = (c + reach + 1 - ux) * inverse_x
+        elif vx < 0.0:
+            tx = (c - reach - ux) * inverse_x
+        if vy > 0.0:
+            ty = (r + reach + 1 - uy) * inverse_y
+        elif vy < 0.0:
+            ty = (r - reach - uy) * inverse_y
+        if tx < ty:
+            if tx >= 1.0:
+                return True
+            c += reach + 1 if vx > 0.0 else -reach - 1
+            r = min(max(int(uy + tx * vy), r - reach), r + reach)
+        else:
+            if ty >= 1.0:
+                return True
+            r += reach + 1 if vy > 0.0 else -reach - 1
+            c = min(max(int(ux + ty * vx), c - reach), c + reach)
+        if c < 0 or r < 0 or c >= columns or r >= rows:
+            return True
+
+
+@njit(cache=True)
+def clear_pairs(grid: Grid, a: Float, b: Float) -> npt.NDArray[np.bool_]:
+    """Return for every pair whether the segment from `a` to `b` stays in the water."""
+    out = np.empty(len(a), np.bool_)
+    for i in range(len(a)):
+        out[i] = _clear(grid, a[i, 0], a[i, 1], b[i, 0], b[i, 1])
+    return out
+
+
+@njit(cache=True)
+def settle_points(grid: Grid, points: Float, reach: float, hair: float) -> Byte:
+    """Move points on land by at most `reach` to the nearest shore, in place.
+
+    Returns 0 for points that stay, 1 for moved ones, 2 for points too far inland.
+    """
+    frame, shape, start, item, _, inside, _, shore = grid
+    size = frame[2]
+    columns, rows = shape[0], shape[1]
+    out = np.zeros(len(points), np.uint8)
+    for n in range(len(points)):
+        x, y = points[n, 0], points[n, 1]
+        best = math.inf
+        best_x, best_y = x, y
+        c1, c2 = _cell_range(x - reach, x + reach, frame[0], size, columns)
+        r1, r2 = _cell_range(y - reach, y + reach, frame[1], size, rows)
+        for c in range(c1, c2 + 1):
+            for r in range(r1, r2 + 1):
+                for k in range(start[c * rows + r], start[c * rows + r + 1]):
+                    e = item[k]
+                    px, py = shore[e, 0], shore[e, 1]
+                    ex, ey = shore[e, 2] - px, shore[e, 3] - py
+                    t = ((x - px) * ex + (y - py) * ey) / (ex * ex + ey * ey)
+                    t = min(max(t, 0.0), 1.0)
+                    qx, qy = px + t * ex, py + t * ey
+                    d = (x - qx) ** 2 + (y - qy) ** 2
+                    if d < best:
+                        best, best_x, best_y = d, qx, qy
+        best = math.sqrt(best)
+        if best <= hair:
+            continue
+        wet = False
+        column = math.floor((x - frame[0]) / size)
+        row = math.floor((y - frame[1]) / size)
+        if 0 <= column < columns and 0 <= row < rows:
+            i = column * rows + row
+            wet = inside[i] == 1
+            mx = frame[0] + (column + 0.5) * size
+            my = frame[1] + (row + 0.5) * size
+            dx, dy = mx - x, my - y
+            for k in range(start[i], start[i + 1]):
+                e = item[k]
+                px, py = shore[e, 0], shore[e, 1]
+                qx, qy = shore[e, 2], shore[e, 3]
+                side_p = dx * (py - y) - dy * (px - x)
+                side_q = dx * (qy - y) - dy * (qx - x)
+                if (side_p >= 0.0) != (side_q >= 0.0):
+                    ex, ey = qx - px, qy - py
+                    side_a = ex * (y - py) - ey * (x - px)
+                    side_b = ex * (my - py) - ey * (mx - px)
+                    if (side_a >= 0.0) != (side_b >= 0.0):
+                        wet = not wet
+        if wet:
+            continue
+        if best <= reach:
+            points[n, 0], points[n, 1] = best_x, best_y
+            out[n] = 1
+        else:
+            out[n] = 2
+    return out
+
+
+@njit(cache=True, inline="always")
+def _tangent(
+    x: float, y: float, bx: float, by: float, ax: float, ay: float, px: float, py: float
+) -> bool:
+    """Return whether the line from p grazes the corner (x, y) with ring neighbours b and a."""
+    dx, dy = x - px, y - py
+    before = dx * (by - y) - dy * (bx - x)
+    after = dx * (ay - y) - dy * (ax - x)
+    slack = 1e-6 * (abs(dx) + abs(dy))
+    return not ((before > slack and after < -slack) or (before < -slack and after > slack))
+
+
+@njit(cache=True)
+def build_graph(grid: Grid, node: Float, before: Float, after: Float) -> tuple[Int, Int, Float]:
+    """Return the tangent visibility graph of the land corners as CSR."""
+    n = len(node)
+    room = 16 * n + 16
+    tail = np.empty(room, np.int32)
+    head = np.empty(room, np.int32)
+    count = 0
+    degree = np.zeros(n + 1, np.int32)
+    for i in range(n):
+        x, y = node[i, 0], node[i, 1]
+        bx, by, ax, ay = before[i, 0] - x, before[i, 1] - y, after[i, 0] - x, after[i, 1] - y
+        for j in range(i + 1, n):
+            dx, dy = node[j, 0] - x, node[j, 1] - y
+            slack = 1e-6 * (abs(dx) + abs(dy))
+            s1 = dx * by - dy * bx
+            s2 = dx * ay - dy * ax
+            if (s1 > slack and s2 < -slack) or (s1 < -slack and s2 > slack):
+                continue
+            if not _tangent(
+                node[j, 0], node[j, 1], before[j, 0], before[j, 1], after[j, 0], after[j, 1], x, y
+            ):
+                continue
+            if not _clear(grid, x, y, node[j, 0], node[j, 1]):
+                continue
+            if count == room:
+                room *= 2
+                bigger = np.empty(room, np.int32)
+                bigger[:count] = tail
+                tail = bigger
+                bigger = np.empty(room, np.int32)
+                bigger[:count] = head
+                head = bigger
+            tail[count] = i
+            head[count] = j
+            count += 1
+            degree[i] += 1
+            degree[j] += 1
+    start = np.zeros(n + 1, np.int32)
+    for i in range(n):
+        start[i + 1] = start[i] + degree[i]
+    fill = start[:-1].copy()
+    neighbour = np.empty(2 * count, np.int32)
+    length = np.empty(2 * count)
+    for k in range(count):
+        i, j = tail[k], head[k]
+        d = math.hypot(node[j, 0] - node[i, 0], node[j, 1] - node[i, 1])
+        neighbour[fill[i]], length[fill[i]] = j, d
+        neighbour[fill[j]], length[fill[j]] = i, d
+        fill[i] += 1
+        fill[j] += 1
+    return start, neighbour, length
+
+
+@njit(cache=True, inline="always")
+def _taut(inx: float, iny: float, outx: float, outy: float, mx: float, my: float) -> bool:
+    """Return False where the way in and out would not hug the land that lies towards m."""
+    turn = inx * outy - iny * outx
+    scale = 1e-9 * (abs(inx) + abs(iny))
+    if abs(turn) <= scale * (abs(outx) + abs(outy)):
+        return True
+    land_in = inx * my - iny * mx
+    land_out = outx * my - outy * mx
+    if turn < 0.0:
+        return land_in <= scale and land_out <= 1e-9 * (abs(outx) + abs(outy))
+    return land_in >= -scale and land_out >= -1e-9 * (abs(outx) + abs(outy))
+
+
+@njit(cache=True)
+def _push(key: Float, what: Int, count: int, new_key: float, new_what: int) -> Any:
+    """Push onto a binary heap; returns the arrays (they grow) and the new count."""
+    if count == len(key):
+        bigger_key = np.empty(2 * count)
+        bigger_key[:count] = key
+        bigger_what = np.empty(2 * count, np.int32)
+        bigger_what[:count] = what
+        key, what = bigger_key, bigger_what
+    i = count
+    while i > 0:
+        up = (i - 1) >> 1
+        if key[up] <= new_key:
+            break
+        key[i], what[i] = key[up], what[up]
+        i = up
+    key[i], what[i] = new_key, new_what
+    return key, what, count + 1
+
+
+@njit(cache=True)
+def _pop(key: Float, what: Int, count: int) -> int:
+    """Remove the top of a binary heap; returns the new count."""
+    count -= 1
+    last_key, last_what = key[count], what[count]
+    i = 0
+    while True:
+        down = 2 * i + 1
+        if down >= count:
+            break
+        if down + 1 < count and key[down + 1] < key[down]:
+            down += 1
+        if key[down] >= last_key:
+            break
+        key[i], what[i] = key[down], what[down]
+        i = down
+    key[i], what[i] = last_key, last_what
+    return count
+
+
+@njit(cache=True)
+def pair_paths(grid: Grid, graph: Graph, a: Float, b: Float, top: float) -> tuple[Float, Int, Int]:
+    """Return the lengths and the corners of the shortest paths from ``a[i]`` to ``b[i]``.
+
+    A* with the straight distance, inside an ellipse of foci a and b that grows until it holds the
+    path. Whether a corner is seen from a or b is tested only when the search gets to it. `top` is
+    longer than any path.
+    """
+    node, before, after, land, start, neighbour, length = graph
+    n = len(node)
+    out = np.empty(len(a))
+    bends_start = np.zeros(len(a) + 1, np.int32)
+    bends = np.empty(4 * len(a) + 16, np.int32)
+    filled = 0
+    label = np.empty(n)
+    back = np.empty(n, np.int32)
+    stamp = np.zeros(n, np.int32)
+    done = np.zeros(n, np.int32)
+    key = np.empty(64)
+    what = np.empty(64, np.int32)
+    now = 0
+    for p in range(len(a)):
+        ax, ay, bx, by = a[p, 0], a[p, 1], b[p, 0], b[p, 1]
+        straight = math.hypot(bx - ax, by - ay)
+        if straight == 0.0 or _clear(grid, ax, ay, bx, by):
+            out[p] = straight
+            bends_start[p + 1] = filled
+            continue
+        out[p] = math.inf
+        limit = 1.25 * straight + 1e-6
+        last = -1
+        while True:
+            now += 1
+            count = 0
+            half = 0.5 * limit
+            mx, my = 0.5 * (ax + bx), 0.5 * (ay + by)
+            for v in range(n):
+                x, y = node[v, 0], node[v, 1]
+                if abs(x - mx) > half or abs(y - my) > half:
+                    continue
+                f = math.hypot(x - ax, y - ay) + math.hypot(x - bx, y - by)
+                if f <= limit and _tangent(
+                    x, y, before[v, 0], before[v, 1], after[v, 0], after[v, 1], ax, ay
+                ):
+                    key, what, count = _push(key, what, count, f, -1 - v)
+            while count > 0:
+                f = key[0]
+                v = what[0]
+                count = _pop(key, what, count)
+                if f > limit:
+                    break
+                if v < 0:
+                    # A corner that may be seen from a: the straight way there can't be beaten.
+                    v = -1 - v
+                    if done[v] == now or not _clear(grid, ax, ay, node[v, 0], node[v, 1]):
+                        continue
+                    label[v] = math.hypot(node[v, 0] - ax, node[v, 1] - ay)
+                    back[v] = -1
+                    stamp[v] = now
+                elif done[v] == now:
+                    continue
+                done[v] = now
+                x, y = node[v, 0], node[v, 1]
+                if _tangent(
+                    x, y, before[v, 0], before[v, 1], after[v, 0], after[v, 1], bx, by
+                ) and _clear(grid, x, y, bx, by):
+                    out[p] = label[v] + math.hypot(bx - x, by - y)
+                    last = v
+                    break
+                if back[v] < 0:
+                    inx, iny = x - ax, y - ay
+                else:
+                    inx, iny = x - node[back[v], 0], y - node[back[v], 1]
+                for k in range(start[v], start[v + 1]):
+                    w = neighbour[k]
+                    if done[w] == now:
+                        continue
+                    reached = label[v] + length[k]
+                    if stamp[w] == now and label[w] <= reached:
+                        continue
+                    f = reached + math.hypot(node[w, 0] - bx, node[w, 1] - by)
+                    if f > limit:
+                        continue
+                    if not _taut(inx, iny, node[w, 0] - x, node[w, 1] - y, land[v, 0], land[v, 1]):
+                        continue
+                    label[w] = reached
+                    back[w] = v
+                    stamp[w] = now
+                    key, what, count = _push(key, what, count, f, w)
+            if last >= 0 or limit > top:
+                break
+            limit *= 2.0
+        if last >= 0:
+            many = 0
+            v = last
+            while v >= 0:
+                many += 1
+                v = back[v]
+            if filled + many > len(bends):
+                bigger = np.empty(2 * (filled + many), np.int32)
+                bigger[:filled] = bends[:filled]
+                bends = bigger
+            v = last
+            for k in range(filled + many - 1, filled - 1, -1):
+                bends[k] = v
+                v = back[v]
+            filled += many
+        bends_start[p + 1] = filled
+    return out, bends_start, bends[:filled]
+
+
+@njit(cache=True)
+def _seen_corners(
+    grid: Grid, graph: Graph, points: Float
+) -> tuple[npt.NDArray[np.int64], Int, Float]:
+    """Return, as CSR, the corners that each point sees at a tangent, and how far they are."""
+    node, before, after = graph[0], graph[1], graph[2]
+    n = len(node)
+    start = np.zeros(len(points) + 1, np.int64)
+    corner = np.empty(16 * len(points) + 16, np.int32)
+    away = np.empty(16 * len(points) + 16)
+    count = 0
+    for p in range(len(points)):
+        px, py = points[p, 0], points[p, 1]
+        for v in range(n):
+            x, y = node[v, 0], node[v, 1]
+            if _tangent(
+                x, y, before[v, 0], before[v, 1], after[v, 0], after[v, 1], px, py
+            ) and _clear(grid, px, py, x, y):
+                if count == len(corner):
+                    bigger = np.empty(2 * count, np.int32)
+                    bigger[:count] = corner
+                    corner = bigger
+                    wider = np.empty(2 * count)
+                    wider[:count] = away
+                    away = wider
+                corner[count] = v
+                away[count] = math.hypot(x - px, y - py)
+                count += 1
+        start[p + 1] = count
+    return start, corner[:count], away[:count]
+
+
+@njit(cache=True)
+def many_distances(
+    grid: Grid, graph: Graph, sources: Float, targets: Float, symmetric: bool
+) -> Float:
+    """Return the (s, t) lengths of the shortest paths; `symmetric`: targets are the sources."""
+    node, _, _, land, start, neighbour, length = graph
+    n = len(node)
+    s_start, s_corner, s_away = _seen_corners(grid, graph, sources)
+    if symmetric:
+        t_start, t_corner, t_away = s_start, s_corner, s_away
+    else:
+        t_start, t_corner, t_away = _seen_corners(grid, graph, targets)
+    out = np.empty((len(sources), len(targets)))
+    label = np.empty(n)
+    back = np.empty(n, np.int32)
+    done = np.empty(n, np.uint8)
+    key = np.empty(64)
+    what = np.empty(64, np.int32)
+    for s in range(len(sources)):
+        sx, sy = sources[s, 0], sources[s, 1]
+        label[:] = math.inf
+        done[:] = 0
+        count = 0
+        for k in range(s_start[s], s_start[s + 1]):
+            v = s_corner[k]
+            label[v] = s_away[k]
+            back[v] = -1
+            key, what, count = _push(key, what, count, label[v], v)
+        while count > 0:
+            v = what[0]
+            count = _pop(key, what, count)
+            if done[v] == 1:
+                continue
+            done[v] = 1
+            x, y = node[v, 0], node[v, 1]
+            if back[v] < 0:
+                inx, iny = x - sx, y - sy
+            else:
+                inx, iny = x - node[back[v], 0], y - node[back[v], 1]
+            for k in range(start[v], start[v + 1]):
+                w = neighbour[k]
+                reached = label[v] + length[k]
+                if reached < label[w] and _taut(
+                    inx, iny, node[w, 0] - x, node[w, 1] - y, land[v, 0], land[v, 1]
+                ):
+                    label[w] = reached
+                    back[w] = v
+                    key, what, count = _push(key, what, count, reached, w)
+        for t in range(len(targets)):
+            if symmetric and t <= s:
+                out[s, t] = out[t, s] if t < s else 0.0
+                continue
+            straight = math.hypot(targets[t, 0] - sx, targets[t, 1] - sy)
+            best = math.inf
+            for k in range(t_start[t], t_start[t + 1]):
+                best = min(best, label[t_corner[k]] + t_away[k])
+            if straight < best and (
+                straight == 0.0 or _clear(grid, sx, sy, targets[t, 0], targets[t, 1])
+            ):
+                best = straight
+            out[s, t] = best
+    return out
