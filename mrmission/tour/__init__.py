@@ -1,1 +1,1 @@
-"""Stage: tour."""
+"""A robot's share of the work -> lanes and transits in order -> its coverage path."""

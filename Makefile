@@ -1,0 +1,54 @@
+# One command each: `make demo` shows it, `make test` proves it. Both set up all they need in .venv.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/.ready
+WORKERS ?= 2
+
+.PHONY: demo test check types unit wheel bench docs browser clean
+
+demo: $(READY)
+	$(BIN)/mrmission upload geofences/demo_lake.geojson --k 6 --simulate --out demo-out --overwrite
+
+test: $(READY) check types unit wheel
+
+# a virtual environment in the checkout, the pinned packages, this package, warm inner loops
+$(READY): pyproject.toml constraints.txt
+	$(PYTHON) -c 'import sys; assert sys.version_info >= (3, 11), "Python 3.11 or newer is needed, this is " + sys.version'
+	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check "pip>=25.1"
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --group dev --editable .
+	$(BIN)/mrmission warm
+	touch $(READY)
+
+check: $(READY)
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+
+types: $(READY)
+	$(BIN)/mypy
+
+unit: $(READY)
+	$(BIN)/pytest -n $(WORKERS) --doctest-modules mrmission tests
+
+# the wheel, installed in an environment that has never seen the checkout
+wheel: $(READY)
+	rm -rf build/wheel && mkdir -p build/wheel
+	$(BIN)/python -m build --quiet --wheel --outdir build/wheel .
+	$(PYTHON) -m venv build/wheel/venv
+	build/wheel/venv/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt build/wheel/*.whl
+	cd build/wheel && venv/bin/mrmission --version && venv/bin/mrmission plan ../../geofences/demo_lake.geojson --k 2 --swath 40 --out out
+
+bench: $(READY)
+	$(BIN)/pytest tests/benchmarks -s
+
+docs: $(READY)
+	$(BIN)/python docs/make_figures.py
+
+# tests that look at the map need Chromium; without it they are skipped, by name
+browser:
+	command -v chromium || (apt-get update -qq && apt-get install -y -qq chromium)
+
+clean:
+	rm -rf $(VENV) build dist demo-out .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -1,0 +1,5 @@
+"""``python -m mrmission``."""
+
+from mrmission.cli.main import main
+
+main()

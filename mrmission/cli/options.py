@@ -1,0 +1,107 @@
+"""Flags that several commands share, and how they become :class:`PlanOptions`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+from click.core import ParameterSource
+
+from mrmission.errors import ConfigError
+from mrmission.options import METHODS, VEHICLES, PlanOptions, VehicleLimits
+
+F = TypeVar("F", bound=Callable[..., Any])
+DEFAULT = PlanOptions()
+
+
+class LonLat(click.ParamType):
+    """``LON,LAT`` in degrees."""
+
+    name = "lon,lat"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, float]:
+        """Parse two numbers separated by a comma."""
+        if isinstance(value, tuple):
+            return value
+        try:
+            lon, lat = (float(part) for part in str(value).split(","))
+        except ValueError:
+            self.fail(f"{value!r} is not LON,LAT: two numbers in degrees, longitude first", param, ctx)
+        return lon, lat
+
+
+_AREA = [
+    click.argument("area", type=click.Path(path_type=Path)),
+    click.option("--resolution", type=float, help="Metres per pixel, when AREA is an image (white free, black obstacle)."),
+    click.option("--origin", type=LonLat(), help="LON,LAT of the image's lower left corner."),
+    click.option("--part", type=int, help="Which lake of the file, by size (1 is the largest)."),
+]
+_PLAN = [
+    click.option("--k", "robots", type=int, default=DEFAULT.robots, show_default=True, help="Number of robots."),
+    click.option("--swath", "swath_m", type=float, default=DEFAULT.swath_m, show_default=True, help="Width of the sensor's footprint, m."),
+    click.option("--overlap", type=float, default=DEFAULT.overlap, show_default=True, help="Share of the swath that neighbouring lanes share, 0 to 0.95."),
+    click.option("--clearance", "clearance_m", type=float, default=DEFAULT.clearance_m, show_default=True, help="Distance kept from shore and islands, m."),
+    click.option("--survey-speed", "survey_speed_m_s", type=float, default=DEFAULT.survey_speed_m_s, show_default=True, help="Speed on lanes, m/s."),
+    click.option("--transit-speed", "transit_speed_m_s", type=float, default=None, help="Speed between lanes, m/s.  [default: the survey speed]"),
+    click.option("--start", "starts_lonlat", type=LonLat(), multiple=True, help="LON,LAT where the robots start and end: once for all, or once per robot."),
+    click.option("--method", type=click.Choice([*METHODS, "auto"]), default=DEFAULT.method, show_default=True, help="Planner; auto takes the better of crc and cac."),
+    click.option("--angle", "angle_deg", type=float, default=None, help="Compass bearing of the lanes, degrees.  [default: auto]"),
+    click.option("--vehicle", type=click.Choice(VEHICLES), default=DEFAULT.vehicle, show_default=True, help="What sails, drives or flies."),
+    click.option("--altitude", "altitude_m", type=float, default=DEFAULT.altitude_m, show_default=True, help="Height above home, m (copter)."),
+    click.option("--no-fence", "fence", is_flag=True, flag_value=False, default=True, help="Plan without a fence."),
+    click.option("--max-items", type=int, default=DEFAULT.limits.mission_items, show_default=True, help="Mission items that a vehicle holds, home included."),
+    click.option("--fence-bytes", type=int, default=DEFAULT.limits.fence_bytes, show_default=True, help="Fence store of a vehicle: 8n + 2 bytes for a polygon of n points."),
+    click.option("--seed", type=int, default=DEFAULT.seed, show_default=True, help="Seed of every random choice."),
+]  # fmt: skip
+ASSUMPTIONS = ("swath_m", "overlap", "clearance_m", "survey_speed_m_s", "starts_lonlat", "vehicle")
+
+
+def area_options(command: F) -> F:
+    """Add the argument AREA and the flags that say how to read it."""
+    for option in reversed(_AREA):
+        command = option(command)
+    return command
+
+
+def plan_options(command: F) -> F:
+    """Add the flags of a plan."""
+    for option in reversed(_PLAN):
+        command = option(command)
+    return command
+
+
+def build_options(**flags: Any) -> PlanOptions:
+    """Return the options for the values of the flags of :func:`plan_options`.
+
+    Raises
+    ------
+    ConfigError
+        When a value is out of range.
+    """
+    if flags["transit_speed_m_s"] is None:
+        flags["transit_speed_m_s"] = flags["survey_speed_m_s"]
+    max_items, fence_bytes = flags.pop("max_items"), flags.pop("fence_bytes")
+    if max_items < 4:
+        raise ConfigError(f"--max-items {max_items}: must be at least 4")
+    if fence_bytes < 26:
+        raise ConfigError(f"--fence-bytes {fence_bytes}: must be at least 26, one triangle")
+    flags["limits"] = VehicleLimits(
+        mission_items=max_items,
+        fence_bytes=fence_bytes,
+        fence_polygon_points=min(255, (fence_bytes - 2) // 8),
+    )
+    return PlanOptions(**flags)
+
+
+def assumed_options(ctx: click.Context, options: PlanOptions) -> dict[str, Any]:
+    """Return what the user did not give, by name of the option, of what changes a mission."""
+    values = options.as_dict()
+    out = {}
+    for name in ASSUMPTIONS:
+        if ctx.get_parameter_source(name) == ParameterSource.DEFAULT:
+            out[name] = values[name]
+    if "starts_lonlat" in out:
+        out["starts_lonlat"] = "at the shore of the largest part"
+    return out

@@ -1,0 +1,109 @@
+"""A coverage path -> what one vehicle gets: items, fence and rally point, in 1e-7 degrees."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+from mrmission.area.frame import LocalFrame
+from mrmission.area.legs import subdivide_legs
+from mrmission.errors import InfeasibleError
+from mrmission.mission.fence import fit_fence
+from mrmission.mission.items import build_items, merge_collinear, wrap_lon_deg
+from mrmission.mission.mavlink import e7
+from mrmission.model import CoveragePath, FencePolygon, FloatArray, Mission, RallyPoint, read_only
+from mrmission.options import PlanOptions
+
+LAUNCH_RADIUS_M = 15.0
+"""Around its home a boat may drift before it is armed: water within this radius is inside the fence."""
+MERGE_TOLERANCE_M = 0.01
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Route:
+    """A path as it is exported: ``lonlat`` (n, 2) degrees rounded to 1e-7, and the path they make."""
+
+    lonlat: FloatArray
+    path: CoveragePath
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BuiltMission:
+    """A mission, the path it sails (exported coordinates) and what its fence had to take in."""
+
+    mission: Mission
+    path: CoveragePath
+    fence_land_m2: float
+    notes: tuple[str, ...]
+
+
+def export_route(path: CoveragePath, frame: LocalFrame, tolerance_m: float) -> Route:
+    """Merge collinear points, subdivide long legs, round to 1e-7 degrees."""
+    points, kind, lane = merge_collinear(path.points_m, path.kind, path.lane, MERGE_TOLERANCE_M)
+    if len(points) > 1:
+        points, source = subdivide_legs(points, frame, tolerance_m)
+        kind, lane = kind[source], lane[source]
+    lonlat = np.round(frame.to_lonlat(points) * 1e7) / 1e7
+    return Route(
+        lonlat=lonlat,
+        path=CoveragePath(
+            robot=path.robot,
+            points_m=read_only(frame.to_metric(lonlat)),
+            kind=read_only(kind),
+            lane=read_only(lane),
+        ),
+    )
+
+
+def build_mission(
+    route: Route,
+    robot: int,
+    home_m: FloatArray,
+    water_m: shapely.MultiPolygon,
+    frame: LocalFrame,
+    options: PlanOptions,
+) -> BuiltMission:
+    """Return what robot `robot` gets for its route.
+
+    Raises
+    ------
+    InfeasibleError
+        When the fence cannot hold the route within the vehicle's budget.
+    """
+    items, kind, lane = build_items(route.lonlat, route.path.kind, route.path.lane, options)
+    home = shapely.Point(home_m)
+    rally = (
+        RallyPoint(lat_e7=e7(route.lonlat[0, 1]), lon_e7=e7(wrap_lon_deg(route.lonlat[0, 0]))),
+    )
+    fence: tuple[FencePolygon, ...] = ()
+    land_m2, notes = 0.0, []
+    if options.fence and len(route.lonlat) > 1:
+        part = min(water_m.geoms, key=home.distance)
+        launch = part.intersection(home.buffer(LAUNCH_RADIUS_M))
+        try:
+            fit = fit_fence(
+                part, [route.path.points_m], options.fence_margin_m, options.limits, keep=[launch],
+                frame=frame,
+            )  # fmt: skip
+        except InfeasibleError as error:
+            raise InfeasibleError(f"robot {robot}: {error}") from error
+        fence = fit.polygons
+        land_m2 = fit.land_m2
+        notes = [f"robot {robot}: {note}" for note in fit.notes]
+    return BuiltMission(
+        mission=Mission(
+            robot=robot,
+            sortie=1,
+            vehicle=options.vehicle,
+            items=items,
+            fence=fence,
+            rally=rally,
+            kind=kind,
+            lane=lane,
+        ),
+        path=route.path,
+        fence_land_m2=land_m2,
+        notes=tuple(notes),
+    )

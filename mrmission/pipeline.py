@@ -1,0 +1,427 @@
+"""The stages in order: a survey area and options in, a fleet plan out."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from importlib import metadata
+from typing import Any
+
+import numpy as np
+import shapely
+
+import mrmission
+from mrmission.area.frame import LocalFrame
+from mrmission.area.region import berths, default_start, navigable_region, settle_start
+from mrmission.errors import GeometryError, PlanningError
+from mrmission.mission.build import LAUNCH_RADIUS_M, BuiltMission, Route, build_mission, export_route
+from mrmission.model import (
+    CoveragePath,
+    FleetPlan,
+    FleetReport,
+    FloatArray,
+    LegKind,
+    Mission,
+    RobotReport,
+    SurveyArea,
+)
+from mrmission.options import PlanOptions
+from mrmission.partition import PLANNERS, CoverageProblem
+from mrmission.partition.bound import area_bound_s
+from mrmission.partition.problem import Assignment, Visit
+from mrmission.routing.harbour import Harbour
+from mrmission.tour.coverage import Uncovered
+from mrmission.tour.order import U_TURN_S, PieceBook
+from mrmission.tour.path import assemble_paths, legs_of
+from mrmission.tour.repair import number_lanes, pieces_to_repair, repair, total_area
+from mrmission.tour.starts import bottleneck_assignment
+from mrmission.tour.sweep import Sweep, best_bearing_deg, lane_spacing_m, sweep_region
+from mrmission.tour.timing import TimeModel
+
+AUTO_METHODS = ("crc", "cac")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PartPlan:
+    """One connected part of the water and the robots that sweep it."""
+
+    region_m: shapely.Polygon
+    robots: tuple[int, ...]
+    homes_m: FloatArray
+    paths: tuple[CoveragePath, ...]
+    method: str
+    sweep: Sweep
+    harbour: Harbour
+    uncovered: Uncovered
+
+
+def leg_tolerance_m(swath_m: float) -> float:
+    """Return how far a leg may depart between any two readings of a straight line, m."""
+    return min(0.1, max(0.01, 0.002 * swath_m))
+
+
+def plan(
+    area: SurveyArea,
+    options: PlanOptions,
+    assumed: Mapping[str, Any] | None = None,
+    *,
+    on_stage: Callable[[str], None] = lambda _: None,
+) -> FleetPlan:
+    """Plan a fleet survey of an area.
+
+    Parameters
+    ----------
+    area
+        The water to sweep.
+    options
+        What the user asked for.
+    assumed
+        Options that the user did not give, by name, for the report.
+    on_stage
+        Called with a few words when a stage begins.
+
+    Raises
+    ------
+    GeometryError
+        When no water is left, or a start lies on land.
+    PlanningError
+        When no plan can be made.
+    """
+    on_stage("finding the water")
+    frame = LocalFrame.of(area)
+    water = frame.project_polygons(area.water_lonlat)
+    region = navigable_region(water, options.clearance_m)
+    notes = list(area.notes)
+    notes += frame.notes(area)
+    if options.clearance_m == 0:
+        notes.append("clearance 0 m: lanes touch the shore and the islands")
+    pieces = list(region.geoms)
+    if not pieces:
+        raise GeometryError(
+            f"{area.source}: no water is left at a clearance of {options.clearance_m:g} m: "
+            "choose a smaller --clearance"
+        )
+    groups, unreached = _robots_by_part(pieces, water, frame, options, notes)
+    time = TimeModel(
+        survey_speed_m_s=options.survey_speed_m_s, transit_speed_m_s=options.transit_speed_m_s
+    )
+    on_stage("planning")
+    parts = [
+        _plan_part(part, water, starts, robots, frame, options, time, notes)
+        for part, starts, robots in groups
+    ]
+    on_stage("fencing and checking")
+    return _finish(area, frame, water, parts, unreached, options, time, notes, dict(assumed or {}))
+
+
+Group = tuple[shapely.Polygon, FloatArray, tuple[int, ...]]
+
+
+def _robots_by_part(
+    pieces: Sequence[shapely.Polygon],
+    water: shapely.MultiPolygon,
+    frame: LocalFrame,
+    options: PlanOptions,
+    notes: list[str],
+) -> tuple[list[Group], list[shapely.Polygon]]:
+    """Return the parts that have a start, with the starts and robots of each, and the others."""
+    everyone = tuple(range(1, options.robots + 1))
+    if not options.starts_lonlat:
+        part = max(pieces, key=lambda p: p.area)
+        starts = default_start(part)[None]
+        lon, lat = frame.to_lonlat(starts)[0]
+        notes.append(f"start chosen at the shore of the largest part: {lon:.6f},{lat:.6f}")
+        groups = [(part, starts, everyone)]
+    else:
+        by_part: dict[int, tuple[list[FloatArray], list[int]]] = {}
+        for i, lonlat in enumerate(options.starts_lonlat):
+            given = frame.to_metric(np.array([lonlat], dtype=np.float64))[0]
+            index, start, note = settle_start(pieces, given, lonlat)
+            if note:
+                notes.append(note)
+            mine = by_part.setdefault(index, ([], []))
+            mine[0].append(start)
+            mine[1].append(i + 1)
+        if len(options.starts_lonlat) == 1:
+            ((index, (starts_of, _)),) = by_part.items()
+            groups = [(pieces[index], np.array(starts_of), everyone)]
+        else:
+            groups = [
+                (pieces[index], np.array(s), tuple(r)) for index, (s, r) in sorted(by_part.items())
+            ]
+    reached = {id(part) for part, _, _ in groups}
+    unreached = sorted((p for p in pieces if id(p) not in reached), key=lambda p: -p.area)
+    for p in unreached[:5]:
+        lon, lat = frame.to_lonlat(shapely.get_coordinates(p.representative_point()))[0]
+        notes.append(
+            f"not planned: {p.area:,.0f} m² of water near {lon:.5f},{lat:.5f}, no boat can reach it from a start"
+        )  # noqa: E501
+    if len(unreached) > 5:
+        rest = total_area(unreached[5:])
+        notes.append(f"not planned: {len(unreached) - 5} smaller parts, {rest:,.0f} m² in all")
+    return groups, unreached
+
+
+def _plan_part(
+    part: shapely.Polygon,
+    water: shapely.MultiPolygon,
+    starts_m: FloatArray,
+    robots: tuple[int, ...],
+    frame: LocalFrame,
+    options: PlanOptions,
+    time: TimeModel,
+    notes: list[str],
+) -> PartPlan:
+    spacing = lane_spacing_m(options.swath_m, options.overlap, leg_tolerance_m(options.swath_m))
+    if len(starts_m) == 1:
+        found = berths(
+            water, part, starts_m[0], len(robots),
+            spacing_m=options.berth_spacing_m, launch_radius_m=LAUNCH_RADIUS_M,
+        )  # fmt: skip
+        homes = found.points_m
+        notes.extend(found.notes)
+    else:
+        homes = starts_m
+    bearing = options.angle_deg
+    if bearing is None:
+        bearing = best_bearing_deg(part, spacing, options.survey_speed_m_s, U_TURN_S)
+    sweep = sweep_region(part, bearing % 180.0, spacing)
+    harbour = Harbour(part, homes)
+    book = PieceBook(sweep, harbour, time)
+    problem = _problem(sweep, harbour, book, homes, time)
+    methods = AUTO_METHODS if options.method == "auto" else (options.method,)
+    best: tuple[float, tuple[CoveragePath, ...], str] | None = None
+    for method in methods:
+        assignment = PLANNERS[method](problem, len(robots))
+        paths = _paths_of(assignment, book, harbour, homes, time)
+        makespan = max(time.duration_s(p.points_m, p.kind) for p in paths)
+        if best is None or makespan < best[0]:
+            best = (makespan, paths, method)
+    assert best is not None
+    radius = options.swath_m / 2
+    uncovered = Uncovered(sweep.region, sweep.column_pitch_m, radius)
+    paths = repair(best[1], uncovered, sweep.frame, harbour, time, options.swath_m)
+    return PartPlan(
+        region_m=part,
+        robots=robots,
+        homes_m=homes,
+        paths=tuple(number_lanes(p) for p in paths),
+        method=best[2],
+        sweep=sweep,
+        harbour=harbour,
+        uncovered=uncovered,
+    )
+
+
+def _problem(
+    sweep: Sweep, harbour: Harbour, book: PieceBook, homes_m: FloatArray, time: TimeModel
+) -> CoverageProblem:
+    cells = len(sweep.decomposition.cells)
+    reeb = sweep.decomposition.reeb
+    nodes = sweep.frame.to_local(reeb.node_m)
+    # a critical point is the middle of a column border and may lie on a sliver of land
+    nearest = shapely.shortest_line(harbour.region, shapely.points(nodes))
+    inside = shapely.get_coordinates(nearest).reshape(-1, 2, 2)[:, 0]
+    depot = harbour.router.distances(homes_m[:1], inside)[0]
+    return CoverageProblem(
+        reeb=reeb,
+        dual_edges=sweep.decomposition.dual_edges,
+        cell_cost=book.costs_s([Visit(c, 0) for c in range(cells)]),
+        half_cost=np.column_stack(
+            [book.costs_s([Visit(c, h) for c in range(cells)]) for h in (1, 2)]
+        ),
+        depot_cost=depot / time.transit_speed_m_s,
+        edge_travel=reeb.w_t / time.transit_speed_m_s,
+    )
+
+
+def _paths_of(
+    assignment: Assignment,
+    book: PieceBook,
+    harbour: Harbour,
+    homes_m: FloatArray,
+    time: TimeModel,
+) -> tuple[CoveragePath, ...]:
+    """Assign the tours to the homes, the longest as short as can be, and close them there."""
+    loose = [book.order(visits, None) for visits in assignment]
+    n = len(loose)
+    cost = np.zeros((n, n))
+    for i, lanes in enumerate(loose):
+        if len(lanes) == 0:
+            continue
+        ends = np.array([lanes[0, 0], lanes[-1, 1]])
+        trips = harbour.router.distances(homes_m, ends).sum(axis=1)
+        inner = np.hypot(*(lanes[:, 1] - lanes[:, 0]).T).sum() / time.survey_speed_m_s
+        gaps = harbour.pair_distances(lanes[:-1, 1], lanes[1:, 0]).sum()
+        cost[i] = inner + (gaps + trips) / time.transit_speed_m_s
+    home_of = bottleneck_assignment(cost)
+    lanes_of: list[FloatArray] = [np.zeros((0, 2, 2))] * n
+    for i, visits in enumerate(assignment):
+        lanes_of[home_of[i]] = book.order(visits, homes_m[home_of[i]])
+    return assemble_paths(harbour, lanes_of)
+
+
+def _finish(
+    area: SurveyArea,
+    frame: LocalFrame,
+    water: shapely.MultiPolygon,
+    parts: Sequence[PartPlan],
+    unreached: Sequence[shapely.Polygon],
+    options: PlanOptions,
+    time: TimeModel,
+    notes: list[str],
+    assumed: dict[str, Any],
+) -> FleetPlan:
+    missions: dict[int, Mission] = {}
+    rows: dict[int, RobotReport] = {}
+    paths: dict[int, CoveragePath] = {}
+    homes = np.zeros((options.robots, 2))
+    covered = covered_by_survey = largest = bound = 0.0
+    for part in parts:
+        routes, coverage = _export(part, frame, options, time)
+        for route, robot, home in zip(routes, part.robots, part.homes_m, strict=True):
+            built = build_mission(route, robot, home, water, frame, options)
+            notes.extend(built.notes)
+            missions[robot] = built.mission
+            paths[robot] = replace(route.path, robot=robot)
+            homes[robot - 1] = home
+            rows[robot] = _robot_row(robot, built, frame.to_lonlat(home[None])[0], time)
+        covered += coverage.covered_m2
+        covered_by_survey += coverage.covered_by_survey_m2
+        largest = max(largest, coverage.largest_missed_m2)
+        bound = max(
+            bound,
+            area_bound_s(
+                coverage.covered_m2, options.swath_m, len(part.robots), time.top_speed_m_s
+            ),
+        )
+    robots = tuple(rows[r] for r in sorted(rows))
+    largest_part = max(parts, key=lambda p: p.region_m.area)
+    planned = total_area([p.region_m for p in parts])
+    makespan = max(r.duration_s for r in robots)
+    idle = [str(r.robot) for r in robots if r.lanes == 0]
+    if idle:
+        notes.append(
+            f"no work for robot {', '.join(idle)}: fewer cells than robots; the file is empty but valid"
+        )  # noqa: E501
+    most = max(robots, key=lambda r: r.items)
+    if most.items > options.limits.mission_items:
+        notes.append(
+            f"robot {most.robot} needs {most.items} mission items, a vehicle holds "
+            f"{options.limits.mission_items}: use a wider --swath or more robots"
+        )
+    report = FleetReport(
+        robots=robots,
+        method=largest_part.method,
+        makespan_s=makespan,
+        lower_bound_s=bound,
+        lower_bound_name="area bound",
+        gap=makespan / bound - 1 if bound > 0 else 0.0,
+        utilization=sum(r.lanes > 0 for r in robots) / len(robots),
+        coverage=covered / planned,
+        coverage_survey_legs=covered_by_survey / planned,
+        coverage_of_area=_coverage_of_water(water, list(paths.values()), largest_part, options.swath_m),
+        largest_missed_m2=largest,
+        area_m2=water.area,
+        navigable_m2=planned + total_area(unreached),
+        unreached_m2=total_area(unreached),
+        unreached_parts_m2=tuple(p.area for p in unreached),
+        angle_deg=largest_part.sweep.frame.bearing_deg,
+        lane_spacing_m=max(p.sweep.column_pitch_m for p in parts),
+        frame=frame.proj,
+        frame_error_m=frame.error_m(area),
+        options=options.as_dict(),
+        assumed=assumed,
+        notes=tuple(notes),
+        versions=versions(),
+        seed=options.seed,
+    )
+    return FleetPlan(
+        area=area,
+        water_m=water,
+        region_m=shapely.MultiPolygon([p.region_m for p in parts]),
+        homes_m=homes,
+        paths=tuple(paths[r] for r in sorted(paths)),
+        missions=tuple(missions[r] for r in sorted(missions)),
+        report=report,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Coverage:
+    covered_m2: float
+    covered_by_survey_m2: float
+    largest_missed_m2: float
+
+
+def _export(
+    part: PartPlan, frame: LocalFrame, options: PlanOptions, time: TimeModel
+) -> tuple[list[Route], _Coverage]:
+    """Return the routes in exported, rounded coordinates, complete as measured on these."""
+    tolerance = leg_tolerance_m(options.swath_m)
+    paths = part.paths
+    for _ in range(3):
+        routes = [export_route(p, frame, tolerance) for p in paths]
+        legs = np.concatenate([legs_of(r.path) for r in routes])
+        pieces = part.uncovered.remainder(part.sweep.frame.to_sweep(legs))
+        if not pieces_to_repair(pieces, options.swath_m, part.region_m.area, final=True):
+            break
+        paths = tuple(
+            number_lanes(p)
+            for p in repair(
+                [r.path for r in routes],
+                part.uncovered, part.sweep.frame, part.harbour, time, options.swath_m,
+            )
+        )  # fmt: skip
+    else:
+        worst = max(p.area for p in pieces)
+        raise PlanningError(
+            f"rounding to 1e-7 degrees leaves {worst:.2f} m² uncovered: choose another --angle"
+        )
+    survey = np.concatenate([r.path.kind for r in routes]) == LegKind.SURVEY
+    by_survey = part.uncovered.remainder(part.sweep.frame.to_sweep(legs[survey]))
+    return routes, _Coverage(
+        covered_m2=part.region_m.area - total_area(pieces),
+        covered_by_survey_m2=part.region_m.area - total_area(by_survey),
+        largest_missed_m2=max((p.area for p in pieces), default=0.0),
+    )
+
+
+def _coverage_of_water(
+    water: shapely.MultiPolygon, paths: Sequence[CoveragePath], part: PartPlan, swath_m: float
+) -> float:
+    """Return the share of the whole survey area, the clearance strip included, that is covered."""
+    frame = part.sweep.frame
+    legs = frame.to_sweep(np.concatenate([legs_of(p) for p in paths]))
+    uncovered = Uncovered(frame.turn(water), part.sweep.column_pitch_m, swath_m / 2)
+    return 1 - total_area(uncovered.remainder(legs)) / water.area
+
+
+def _robot_row(
+    robot: int, built: BuiltMission, home_lonlat: FloatArray, time: TimeModel
+) -> RobotReport:
+    path = built.path
+    length = np.hypot(*np.diff(path.points_m, axis=0).T)
+    survey = path.kind == LegKind.SURVEY
+    return RobotReport(
+        robot=robot,
+        start_lonlat=(float(home_lonlat[0]), float(home_lonlat[1])),
+        length_m=float(length.sum()),
+        survey_m=float(length[survey].sum()),
+        transit_m=float(length[~survey].sum()),
+        duration_s=time.duration_s(path.points_m, path.kind),
+        items=len(built.mission.items),
+        lanes=int(path.lane.max(initial=0)),
+        fence_points=sum(len(p.points_e7) for p in built.mission.fence),
+        fence_land_m2=built.fence_land_m2,
+    )
+
+
+def versions() -> dict[str, str]:
+    """Return the versions that a plan's numbers depend on."""
+    out = {"mrmission": mrmission.__version__, "python": platform.python_version()}
+    for name in ("numpy", "shapely", "pyproj", "numba", "rustworkx"):
+        out[name] = metadata.version(name)
+    out["geos"] = shapely.geos_version_string
+    return out

@@ -1,0 +1,120 @@
+"""Ways in the water that keep off the berths where other boats wait."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import shapely
+
+from mrmission.model import FloatArray
+from mrmission.routing.water import WaterRouter
+
+KEEP_OFF_M = 5.0
+"""Radius around a berth that transits of other robots stay out of, where the water allows it."""
+_CORNERS = 12
+
+
+class Harbour:
+    """In-water paths of a fleet: around the land and around each other's berths.
+
+    A disc around each berth is land to every transit, and the robot whose berth it is leaves and
+    enters its disc in a straight line. A disc that would touch the shore, or cut the region
+    in two, is made smaller, and left out when even a fifth of it does not fit.
+
+    Parameters
+    ----------
+    region
+        The navigable region, connected, local frame.
+    berths_m
+        (k, 2) homes of the robots, inside the region.
+    """
+
+    def __init__(self, region: shapely.Polygon, berths_m: FloatArray) -> None:
+        self.region = region
+        self.berths_m = berths_m
+        self.radius_m = self._fitting_radii(region, berths_m)
+        discs = [self._disc(i) for i in range(len(berths_m)) if self.radius_m[i] > 0]
+        free = shapely.difference(region, shapely.union_all(discs)) if discs else region
+        if free.geom_type != "Polygon" or free.area < 0.5 * region.area:
+            self.radius_m = np.zeros(len(berths_m))
+            free = region
+        self.router = WaterRouter(free)
+
+    @staticmethod
+    def _fitting_radii(region: shapely.Polygon, berths_m: FloatArray) -> FloatArray:
+        shore = shapely.distance(region.boundary, shapely.points(berths_m))
+        gap = np.full(len(berths_m), np.inf)
+        if len(berths_m) > 1:
+            offset = np.hypot(*(berths_m[:, None] - berths_m[None]).transpose(2, 0, 1))
+            np.fill_diagonal(offset, np.inf)
+            gap = offset.min(axis=1)
+        radius = np.minimum(np.minimum(KEEP_OFF_M, gap / 3), shore - 0.5)
+        # one berth alone needs no disc: nobody else can pass it
+        return np.where((radius >= KEEP_OFF_M / 5) & (len(berths_m) > 1), radius, 0.0)
+
+    def _disc_corners(self, robot: int) -> FloatArray:
+        angle = 2 * np.pi * np.arange(_CORNERS) / _CORNERS
+        circle = np.column_stack([np.cos(angle), np.sin(angle)])
+        return self.berths_m[robot] + self.radius_m[robot] * circle
+
+    def _disc(self, robot: int) -> shapely.Polygon:
+        return shapely.Polygon(self._disc_corners(robot))
+
+    def pair_distances(self, a_m: FloatArray, b_m: FloatArray) -> FloatArray:
+        """Return (n,) in-water lengths between the pairs of two (n, 2) arrays."""
+        if len(a_m) == 0:
+            return np.zeros(0)
+        return self.router.pair_distances(a_m, b_m)
+
+    def paths(self, a_m: FloatArray, b_m: FloatArray) -> list[FloatArray]:
+        """Return the shortest paths between the pairs of two (n, 2) arrays, ends as given."""
+        if len(a_m) == 0:
+            return []
+        out = []
+        for a, b, path in zip(a_m, b_m, self.router.paths(a_m, b_m), strict=True):
+            out.append(_with_ends(a, path, b))
+        return out
+
+    def home_paths(self, robots: Sequence[int], targets_m: FloatArray) -> list[FloatArray]:
+        """Return the path from each robot's berth to its target of (n, 2)."""
+        plain = [i for i, robot in enumerate(robots) if self.radius_m[robot] == 0]
+        out: dict[int, FloatArray] = {}
+        if plain:
+            homes = self.berths_m[[robots[i] for i in plain]]
+            for i, path in zip(plain, self.paths(homes, targets_m[plain]), strict=True):
+                out[i] = path
+        for i, robot in enumerate(robots):
+            if i in out:
+                continue
+            home, target = self.berths_m[robot], targets_m[i]
+            if np.hypot(*(target - home)) <= self.radius_m[robot]:
+                out[i] = np.array([home, target])
+                continue
+            exits = self._disc_corners(robot)
+            way = self.router.distances(exits, target[None])[:, 0]
+            way = way + np.hypot(*(exits - home).T)
+            exit_point = exits[int(np.argmin(way))]
+            path = self.paths(exit_point[None], target[None])[0]
+            out[i] = self._leave_straight(robot, home, path)
+        return [out[i] for i in range(len(robots))]
+
+    def _leave_straight(self, robot: int, home: FloatArray, path: FloatArray) -> FloatArray:
+        """Drop path points that the berth sees over the rim of its own disc."""
+        for j in range(len(path) - 1, 0, -1):
+            step = path[j] - home
+            reach = float(np.hypot(*step))
+            if reach <= self.radius_m[robot]:
+                continue
+            rim = home + step * (self.radius_m[robot] * 1.001 / reach)
+            if bool(self.router.visible(rim[None], path[j][None])[0]):
+                return np.vstack([home, path[j:]])
+        return np.vstack([home, path])
+
+
+def _with_ends(a: FloatArray, path: FloatArray, b: FloatArray) -> FloatArray:
+    """Return a path that starts and ends at the very points asked for."""
+    inner = path[1:-1]
+    head = path[:1] if np.hypot(*(path[0] - a)) > 0.05 else path[:0]
+    tail = path[-1:] if np.hypot(*(path[-1] - b)) > 0.05 else path[:0]
+    return np.vstack([a, head, inner, tail, b])

@@ -1,0 +1,168 @@
+"""What a set of legs leaves uncovered, by exact geometry, strip by strip."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+
+from mrmission.model import FloatArray, IntArray
+
+QUAD_SEGS = 16
+"""Segments per quarter circle of a leg's round ends; an inscribed polygon, so never too generous."""
+
+
+def strips_of(region: shapely.Polygon, borders_m: FloatArray) -> list[shapely.Geometry]:
+    """Cut a region (sweep frame) into vertical strips between consecutive borders.
+
+    Cuts by halves, so that the work is n log(strips) and not n times strips.
+    """
+    out: list[shapely.Geometry] = [shapely.Polygon()] * (len(borders_m) - 1)
+    _, y_min, _, y_max = region.bounds
+    todo: list[tuple[shapely.Geometry, int, int]] = [(region, 0, len(borders_m) - 1)]
+    while todo:
+        part, a, b = todo.pop()
+        if part.is_empty:
+            continue
+        if b - a == 1:
+            out[a] = part
+            continue
+        middle = (a + b) // 2
+        for c, d in ((a, middle), (middle, b)):
+            box = (borders_m[c], y_min - 1, borders_m[d], y_max + 1)
+            clipped = shapely.clip_by_rect(part, *box)
+            if not clipped.is_valid:  # a touching hole can confuse the fast clipper
+                clipped = shapely.intersection(shapely.make_valid(part), shapely.box(*box))
+            todo.append((clipped, c, d))
+    return out
+
+
+def leg_quads(legs_m: FloatArray, radius_m: float) -> npt.NDArray[np.object_]:
+    """Return the rectangles within `radius_m` beside each leg of (n, 2, 2), without round ends."""
+    along = legs_m[:, 1] - legs_m[:, 0]
+    length = np.hypot(along[:, 0], along[:, 1])
+    unit = along / np.where(length > 0, length, 1.0)[:, None]
+    side = np.column_stack([-unit[:, 1], unit[:, 0]]) * radius_m
+    ring = np.stack(
+        [
+            legs_m[:, 0] + side,
+            legs_m[:, 1] + side,
+            legs_m[:, 1] - side,
+            legs_m[:, 0] - side,
+            legs_m[:, 0] + side,
+        ],
+        axis=1,
+    )
+    return shapely.polygons(ring)
+
+
+def leg_buffers(legs_m: FloatArray, radius_m: float) -> npt.NDArray[np.object_]:
+    """Return everything within `radius_m` of each leg of (n, 2, 2)."""
+    moving = np.any(legs_m[:, 0] != legs_m[:, 1], axis=1)
+    lines = np.empty(len(legs_m), dtype=object)
+    lines[moving] = shapely.linestrings(legs_m[moving])
+    lines[~moving] = shapely.points(legs_m[~moving, 0])
+    return shapely.buffer(lines, radius_m, quad_segs=QUAD_SEGS)
+
+
+def _polygons(geometry: shapely.Geometry) -> list[shapely.Polygon]:
+    parts = shapely.get_parts(geometry, return_index=False)
+    return [p for p in parts if p.geom_type == "Polygon" and p.area > 0]
+
+
+class Uncovered:
+    """Finds what legs leave uncovered of one region; prepared once, asked many times.
+
+    Parameters
+    ----------
+    region
+        The region in the sweep frame, connected or not.
+    column_pitch_m
+        Width of the strips in which the work is cut: about the swath.
+    radius_m
+        Half the swath.
+    """
+
+    def __init__(self, region: shapely.Geometry, column_pitch_m: float, radius_m: float) -> None:
+        self.region = region
+        self.radius_m = radius_m
+        x_min, _, x_max, _ = region.bounds
+        count = max(1, int(np.ceil((x_max - x_min) / column_pitch_m - 1e-9)))
+        self._borders = np.linspace(x_min, x_max, count + 1)
+        self._strips = np.array(strips_of(region, self._borders), dtype=object)
+
+    def clip(self, geometry: shapely.Geometry) -> shapely.Geometry:
+        """Return a small geometry (sweep frame) clipped to the region."""
+        x_min, _, x_max, _ = geometry.bounds
+        first = int(np.searchsorted(self._borders, x_min, side="right")) - 1
+        last = int(np.searchsorted(self._borders, x_max, side="left"))
+        strips = self._strips[max(first, 0) : max(last, first + 1)]
+        return shapely.union_all(shapely.intersection(strips, geometry))
+
+    def remainder(self, legs_m: FloatArray, floor_m2: float = 0.0) -> list[shapely.Polygon]:
+        """Return the polygons (sweep frame) of the region beyond `radius_m` of every leg.
+
+        Parameters
+        ----------
+        legs_m
+            (n, 2, 2) legs, sweep frame; points are legs of no length.
+        floor_m2
+            Pieces of a strip up to this area are not looked for further (they still are bounded
+            by it); 0 finds everything.
+        """
+        pieces = self._after_quads(legs_m)
+        pieces = pieces[shapely.area(pieces) > floor_m2]
+        left = subtract_legs(pieces, legs_m, self.radius_m)
+        if not left:
+            return []
+        merged = shapely.union_all(np.array(left, dtype=object))
+        return sorted(_polygons(merged), key=lambda p: (-p.area, p.bounds))
+
+    def _after_quads(self, legs_m: FloatArray) -> npt.NDArray[np.object_]:
+        """Subtract the rectangles beside the legs: what remains is ends, corners and shore slivers."""
+        quads = leg_quads(legs_m, self.radius_m)
+        vertical = np.hypot(*(legs_m[:, 1] - legs_m[:, 0]).T) > 2 * self.radius_m
+        quads = quads[vertical]
+        if len(quads) == 0:
+            return np.array([p for strip in self._strips for p in _polygons(strip)], dtype=object)
+        tree = shapely.STRtree(quads)
+        strip_index, quad_index = tree.query(self._strips, predicate="intersects")
+        order = np.argsort(strip_index, kind="stable")
+        strip_index, quad_index = strip_index[order], quad_index[order]
+        borders = np.searchsorted(strip_index, np.arange(len(self._strips) + 1))
+        out: list[shapely.Polygon] = []
+        for i, strip in enumerate(self._strips):
+            mine = quad_index[borders[i] : borders[i + 1]]
+            rest = strip
+            if len(mine):
+                rest = shapely.difference(strip, shapely.union_all(quads[mine]))
+            out.extend(_polygons(rest))
+        return np.array(out, dtype=object)
+
+
+def subtract_legs(
+    pieces: npt.NDArray[np.object_], legs_m: FloatArray, radius_m: float
+) -> list[shapely.Polygon]:
+    """Return what is left of each piece beyond `radius_m` of every leg of (n, 2, 2)."""
+    if len(pieces) == 0 or len(legs_m) == 0:
+        return list(pieces)
+    lines = shapely.linestrings(legs_m)
+    tree = shapely.STRtree(lines)
+    piece_index, leg_index = tree.query(pieces, predicate="dwithin", distance=radius_m)
+    used = np.unique(leg_index)
+    buffers = np.empty(len(legs_m), dtype=object)
+    buffers[used] = leg_buffers(legs_m[used], radius_m)
+    order: IntArray = np.argsort(piece_index, kind="stable")
+    borders = np.searchsorted(piece_index[order], np.arange(len(pieces) + 1))
+    out: list[shapely.Polygon] = []
+    for i, piece in enumerate(pieces):
+        near = leg_index[order[borders[i] : borders[i + 1]]]
+        if len(near) == 0:
+            out.append(piece)
+            continue
+        covers = buffers[near]
+        if np.any(shapely.covers(covers, piece)):
+            continue
+        rest = shapely.difference(piece, shapely.union_all(covers))
+        out.extend(_polygons(rest))
+    return out

@@ -1,0 +1,315 @@
+"""Complete means complete: extra survey legs for whatever the tours leave uncovered."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+from mrmission.errors import PlanningError
+from mrmission.model import CoveragePath, FloatArray, LegKind
+from mrmission.routing.harbour import Harbour
+from mrmission.tour.coverage import Uncovered, subtract_legs
+from mrmission.tour.path import legs_of, make_path
+from mrmission.tour.sweep import SweepFrame
+from mrmission.tour.timing import TimeModel
+
+PIECE_SHARE = 0.004
+"""Pieces above this share of swath² are repaired; the promise is 0.01, rounding needs room."""
+REMAINDER_SHARE = 1e-4
+"""Above this share of the region in all, smaller pieces are repaired too."""
+REACH = 0.995
+"""Share of half the swath that an extra leg counts on."""
+MAX_ROUNDS = 25
+_CANDIDATES = 8
+_DETOUR_S = 6.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Extra:
+    """A way to cover one piece: a polyline (local frame) put into leg `leg` of the fleet."""
+
+    leg: int
+    enter_m: FloatArray
+    line_m: FloatArray
+
+
+def total_area(pieces: Sequence[shapely.Polygon]) -> float:
+    """Return the summed area."""
+    return float(sum(p.area for p in pieces))
+
+
+def pieces_to_repair(
+    pieces: Sequence[shapely.Polygon], swath_m: float, region_m2: float, *, final: bool = False
+) -> list[shapely.Polygon]:
+    """Return the pieces that must be covered for the sweep to count as complete.
+
+    `final` allows twice as much, for the last look after rounding.
+    """
+    slack = 2.0 if final else 1.0
+    big = slack * PIECE_SHARE * swath_m**2
+    allowed = slack * REMAINDER_SHARE * region_m2
+    chosen, rest = [], total_area(pieces)
+    for piece in sorted(pieces, key=lambda p: (-p.area, p.bounds)):
+        if piece.area <= big and rest <= allowed:
+            break
+        chosen.append(piece)
+        rest -= piece.area
+    return chosen
+
+
+def repair(
+    paths: Sequence[CoveragePath],
+    uncovered: Uncovered,
+    frame: SweepFrame,
+    harbour: Harbour,
+    time: TimeModel,
+    swath_m: float,
+) -> tuple[CoveragePath, ...]:
+    """Return the paths with extra legs so that no piece above the limits stays uncovered.
+
+    Each uncovered piece gets a point that sees all of it within the footprint, or a line along
+    it, and goes to the leg of the robot where the detour costs least, robots that would become the
+    longest counted dearer. A survey leg is left and met again at the same point, so nothing
+    that it covers is lost; a transit is bent. Pieces are looked for anew until there are none.
+
+    Raises
+    ------
+    PlanningError
+        When the rounds do not converge; names the largest piece.
+    """
+    paths = list(paths)
+    area = uncovered.region.area
+    for _full in range(4):
+        pieces = uncovered.remainder(_fleet_legs(paths, frame))
+        todo = pieces_to_repair(pieces, swath_m, area)
+        if not todo:
+            return tuple(paths)
+        for _ in range(MAX_ROUNDS):
+            extras = _choose(todo, paths, uncovered, frame, harbour, time, swath_m)
+            paths = _insert(paths, extras, harbour)
+            # legs only come in: what is left lies within what was left
+            pieces = _subtract(pieces, paths, frame, swath_m / 2)
+            todo = pieces_to_repair(pieces, swath_m, area)
+            if not todo:
+                break
+    pieces = uncovered.remainder(_fleet_legs(paths, frame))
+    todo = pieces_to_repair(pieces, swath_m, area)
+    if todo:
+        point = frame.to_local(shapely.get_coordinates(todo[0].representative_point()))[0]
+        raise PlanningError(
+            f"{len(todo)} pieces stay uncovered, the largest {todo[0].area:.1f} m² near "
+            f"east {point[0]:.1f} m, north {point[1]:.1f} m: choose another --angle or --swath"
+        )
+    return tuple(paths)
+
+
+def _fleet_legs(paths: Sequence[CoveragePath], frame: SweepFrame) -> FloatArray:
+    return frame.to_sweep(np.concatenate([legs_of(p) for p in paths]))
+
+
+def _subtract(
+    pieces: list[shapely.Polygon], paths: Sequence[CoveragePath], frame: SweepFrame, radius: float
+) -> list[shapely.Polygon]:
+    return subtract_legs(np.array(pieces, dtype=object), _fleet_legs(paths, frame), radius)
+
+
+def _viewpoints(piece: shapely.Polygon, uncovered: Uncovered) -> shapely.Geometry:
+    """Return where in the region a single point sees the whole piece; may be empty."""
+    radius = uncovered.radius_m * REACH
+    hull = shapely.get_coordinates(shapely.convex_hull(piece))[:-1]
+    x_min, y_min, x_max, y_max = piece.bounds
+    if max(x_max - x_min, y_max - y_min) > 2 * radius:
+        return shapely.Polygon()
+    seen = shapely.intersection_all(shapely.buffer(shapely.points(hull), radius, quad_segs=8))
+    return seen if seen.is_empty else uncovered.clip(seen)
+
+
+def _spine(piece: shapely.Polygon, radius: float) -> FloatArray:
+    """Return points through the middle of a long piece, no more than `radius` apart."""
+    box = shapely.get_coordinates(shapely.minimum_rotated_rectangle(piece))
+    if len(box) < 5:
+        return shapely.get_coordinates(piece.representative_point())
+    sides = np.diff(box[:3], axis=0)
+    lengths = np.hypot(sides[:, 0], sides[:, 1])
+    long = int(np.argmax(lengths))
+    origin = box[long]
+    along, across = sides[long], sides[1 - long] * (1 if long == 0 else -1)
+    count = max(2, int(np.ceil(lengths[long] / radius)))
+    at = (np.arange(count) + 0.5) / count
+    foot = origin + at[:, None] * along - 0.01 * across
+    cuts = shapely.linestrings(np.stack([foot, foot + 1.02 * across], axis=1))
+    crossing = shapely.intersection(cuts, piece)
+    out = []
+    for cut in crossing:
+        parts = [p for p in shapely.get_parts(cut) if p.geom_type == "LineString"]
+        if parts:
+            widest = max(parts, key=lambda p: p.length)
+            out.append(shapely.get_coordinates(widest).mean(axis=0))
+    if not out:
+        return shapely.get_coordinates(piece.representative_point())
+    return np.array(out)
+
+
+def _choose(
+    todo: Sequence[shapely.Polygon],
+    paths: Sequence[CoveragePath],
+    uncovered: Uncovered,
+    frame: SweepFrame,
+    harbour: Harbour,
+    time: TimeModel,
+    swath_m: float,
+) -> list[_Extra]:
+    """Return for each piece the cheapest leg to leave for it, and the way to cover it."""
+    legs = np.concatenate([legs_of(p) for p in paths])
+    sweep_legs = frame.to_sweep(legs)
+    kinds = np.concatenate([p.kind for p in paths])
+    owner = np.concatenate([np.full(len(p.kind), i) for i, p in enumerate(paths)])
+    lines = shapely.linestrings(sweep_legs)
+    tree = shapely.STRtree(lines)
+    loads = np.array([time.duration_s(p.points_m, p.kind) for p in paths])
+
+    options: list[tuple[int, int, FloatArray, FloatArray]] = []  # piece, leg, enter, line (sweep)
+    for i, piece in enumerate(todo):
+        view = _viewpoints(piece, uncovered)
+        goal = piece if view.is_empty else view
+        spine = _spine(piece, uncovered.radius_m) if view.is_empty else None
+        near = tree.query_nearest(goal, all_matches=False)
+        reach = float(lines[near[0]].distance(goal)) + swath_m
+        candidates = tree.query(goal, predicate="dwithin", distance=reach)
+        gaps = shapely.distance(lines[candidates], goal)
+        candidates = candidates[np.lexsort((candidates, gaps))][:_CANDIDATES]
+        if spine is None:
+            joins = shapely.get_coordinates(shapely.shortest_line(lines[candidates], view))
+            joins = joins.reshape(-1, 2, 2)
+            inner = shapely.get_coordinates(piece.representative_point())
+            sees_all = shapely.intersects(shapely.points(inner), view)[0]
+            for leg, (enter, spot) in zip(candidates, joins, strict=True):
+                options.append((i, int(leg), enter, spot[None]))
+                if sees_all:
+                    options.append((i, int(leg), enter, inner))
+        else:
+            for leg in candidates:
+                head = shapely.points(spine[0])
+                enter = shapely.get_coordinates(shapely.shortest_line(lines[leg], head))[0]
+                options.append((i, int(leg), enter, spine))
+                if len(spine) > 1:
+                    options.append((i, int(leg), enter, spine[::-1]))
+
+    leg_index = np.array([o[1] for o in options])
+    enter = frame.to_local(np.array([o[2] for o in options]))
+    head = frame.to_local(np.array([o[3][0] for o in options]))
+    tail = frame.to_local(np.array([o[3][-1] for o in options]))
+    survey = kinds[leg_index] == LegKind.SURVEY
+    leave = np.where(survey[:, None], enter, legs[leg_index, 0])
+    resume = np.where(survey[:, None], enter, legs[leg_index, 1])
+    there = harbour.pair_distances(leave, head)
+    back = harbour.pair_distances(tail, resume)
+    spared = np.where(survey, 0.0, np.hypot(*(resume - leave).T))
+    inside = np.array([np.hypot(*np.diff(o[3], axis=0).T).sum() for o in options])
+    extra_s = (there + back + inside - spared) / time.survey_speed_m_s + _DETOUR_S
+
+    out: list[_Extra] = []
+    piece_of = np.array([o[0] for o in options])
+    for i in range(len(todo)):
+        mine = np.flatnonzero(piece_of == i)
+        robot = owner[leg_index[mine]]
+        over = np.maximum(0.0, loads[robot] + extra_s[mine] - loads.max())
+        best = mine[int(np.argmin(extra_s[mine] + len(paths) * over))]
+        loads[owner[leg_index[best]]] += extra_s[best]
+        out.append(
+            _Extra(
+                leg=int(leg_index[best]),
+                enter_m=enter[best],
+                line_m=frame.to_local(options[best][3]),
+            )
+        )
+    return out
+
+
+def _insert(
+    paths: Sequence[CoveragePath], extras: Sequence[_Extra], harbour: Harbour
+) -> list[CoveragePath]:
+    """Put the extras into their legs, several in one leg in the order in which it passes them."""
+    by_leg: dict[int, list[_Extra]] = {}
+    for extra in extras:
+        by_leg.setdefault(extra.leg, []).append(extra)
+    # all ways that are needed, asked for at once
+    asks: list[tuple[FloatArray, FloatArray]] = []
+    plans: dict[int, list[tuple[FloatArray, LegKind] | int]] = {}
+    first_leg = 0
+    for path in paths:
+        for j in range(len(path.kind)):
+            mine = by_leg.get(first_leg + j)
+            if mine is None:
+                continue
+            a, b = path.points_m[j], path.points_m[j + 1]
+            kind = LegKind(int(path.kind[j]))
+            step = b - a
+            mine.sort(key=lambda e: float((e.enter_m - a) @ step))
+            plan: list[tuple[FloatArray, LegKind] | int] = []
+            here = a
+            for extra in mine:
+                if kind == LegKind.SURVEY:
+                    plan.append((np.array([here, extra.enter_m]), kind))
+                    here = extra.enter_m
+                stops = [here, *extra.line_m]
+                for p, q in zip(stops[:-1], stops[1:], strict=True):
+                    plan.append(len(asks))
+                    asks.append((p, q))
+                here = extra.line_m[-1]
+                if kind == LegKind.SURVEY:
+                    plan.append(len(asks))
+                    asks.append((here, extra.enter_m))
+                    here = extra.enter_m
+            if kind == LegKind.SURVEY:
+                plan.append((np.array([here, b]), kind))
+            else:
+                plan.append(len(asks))
+                asks.append((here, b))
+            plans[first_leg + j] = plan
+        first_leg += len(path.kind)
+    ways = harbour.paths(np.array([a for a, _ in asks]), np.array([b for _, b in asks]))
+
+    out: list[CoveragePath] = []
+    first_leg = 0
+    for path in paths:
+        points = [path.points_m[:1]]
+        kinds: list[int] = []
+        for j in range(len(path.kind)):
+            plan_j = plans.get(first_leg + j)
+            if plan_j is None:
+                points.append(path.points_m[j + 1 : j + 2])
+                kinds.append(int(path.kind[j]))
+                continue
+            for step_of_plan in plan_j:
+                if isinstance(step_of_plan, int):
+                    line, kind_of_line = ways[step_of_plan], LegKind.SURVEY
+                else:
+                    line, kind_of_line = step_of_plan
+                points.append(line[1:])
+                kinds.extend([int(kind_of_line)] * (len(line) - 1))
+        first_leg += len(path.kind)
+        out.append(make_path(path.robot, np.concatenate(points), kinds, [0] * len(kinds)))
+    return out
+
+
+def number_lanes(path: CoveragePath) -> CoveragePath:
+    """Return the path with its survey legs numbered by straight runs from 1, transits 0."""
+    lane = np.zeros(len(path.kind), dtype=np.int64)
+    number = 0
+    legs = np.diff(path.points_m, axis=0)
+    for j, kind in enumerate(path.kind):
+        if kind != LegKind.SURVEY:
+            continue
+        straight = False
+        if j and path.kind[j - 1] == LegKind.SURVEY:
+            cross = legs[j - 1, 0] * legs[j, 1] - legs[j - 1, 1] * legs[j, 0]
+            straight = abs(cross) < 1e-6 * np.hypot(*legs[j - 1]) * np.hypot(*legs[j]) and (
+                float(legs[j - 1] @ legs[j]) > 0
+            )
+        number += 0 if straight else 1
+        lane[j] = number
+    return make_path(path.robot, path.points_m, path.kind.tolist(), lane.tolist())
