@@ -41,9 +41,7 @@ class LegTrack:
     @property
     def length_m(self) -> float:
         """Length of all legs, m."""
-        return float(
-            sum(np.hypot(*np.diff(points, axis=0).T).sum() for points in self.points_m)
-        )
+        return float(sum(np.hypot(*np.diff(points, axis=0).T).sum() for points in self.points_m))
 
 
 def tracks(plan: FleetPlan) -> dict[int, LegTrack]:
@@ -133,7 +131,9 @@ def unreached_polygons(plan: FleetPlan) -> list[shapely.Polygon]:
     clearance_m = float(plan.report.options.get("clearance_m") or 0.0)
     eroded = plan.water_m.buffer(-clearance_m) if clearance_m > 0 else plan.water_m
     return [
-        part for part in polygons(eroded) if not plan.region_m.intersects(part.representative_point())
+        part
+        for part in polygons(eroded)
+        if not plan.region_m.intersects(part.representative_point())
     ]
 
 
@@ -151,7 +151,7 @@ def _rings(parts: Iterable[shapely.Polygon]) -> list[list[list[int]]]:
 
 
 def _runs(values: Iterable[int]) -> list[int]:
-    """Return a run-length code: value, count, value, count, …"""
+    """Return a run-length code: value, count, value, count and so on."""
     code: list[int] = []
     for value in values:
         if code and code[-2] == value:

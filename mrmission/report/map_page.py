@@ -59,7 +59,7 @@ def map_html(plan: FleetPlan) -> str:
 
 
 def script_json(value: Any) -> str:
-    """Return JSON that is safe inside a ``<script>`` element.
+    r"""Return JSON that is safe inside a ``<script>`` element.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ def script_json(value: Any) -> str:
     Examples
     --------
     >>> script_json("</script>")
-    '"\\\\u003c/script\\\\u003e"'
+    '"\\u003c/script\\u003e"'
     """
     text = json.dumps(value, separators=(",", ":"), allow_nan=False)
     for character in "<>&":

@@ -121,17 +121,22 @@ def summary_lines(plan: FleetPlan) -> tuple[str, ...]:
     total_m = sum(row.length_m for row in report.robots)
     items = sum(row.items for row in report.robots)
     idle = [str(row.robot) for row in report.robots if row.lanes == 0]
-    lines = [
-        f"{plan.area.name}: {human_area(report.area_m2)} of water, "
-        f"{human_area(report.navigable_m2)} navigable, {len(report.robots)} robots, "
-        f"{human_length(total_m)} and {items} mission items in all",
-        f"home after {human_duration(report.makespan_s)} ({report.method}); no plan is faster than "
-        f"{human_duration(report.lower_bound_s)} ({report.lower_bound_name}), "
-        f"gap {human_gap(report.gap)}",
+    covered = (
         f"covered: {human_share(report.coverage)} of the navigable region "
         f"({human_share(report.coverage_survey_legs)} by survey legs alone), "
-        f"{human_share(report.coverage_of_area)} of the whole area",
-    ]
+        f"{human_share(report.coverage_of_area)} of the whole area"
+    )
+    size = (
+        f"{plan.area.name}: {human_area(report.area_m2)} of water, "
+        f"{human_area(report.navigable_m2)} navigable, {len(report.robots)} robots, "
+        f"{human_length(total_m)} and {items} mission items in all"
+    )
+    time = (
+        f"home after {human_duration(report.makespan_s)} ({report.method}); no plan is faster than "
+        f"{human_duration(report.lower_bound_s)} ({report.lower_bound_name}), "
+        f"gap {human_gap(report.gap)}"
+    )
+    lines = [size, time, covered]
     if report.unreached_parts_m2 or report.unreached_m2 > 0:
         lines.append(f"not reached from the start: {unreached_text(report)}")
     if idle:

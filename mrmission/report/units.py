@@ -38,7 +38,7 @@ def human_length(length_m: float) -> str:
 
 
 def human_duration(duration_s: float) -> str:
-    """Return a duration as text: ``h:min h`` from an hour on, ``min:s min`` below.
+    """Return a duration as text: hours and minutes from an hour on, else minutes and seconds.
 
     Parameters
     ----------
@@ -53,15 +53,15 @@ def human_duration(duration_s: float) -> str:
     Examples
     --------
     >>> human_duration(59.7), human_duration(754), human_duration(3600 * 2 + 61)
-    ('1:00 min', '12:34 min', '2:01 h')
+    ('1 min 00 s', '12 min 34 s', '2 h 01 min')
     """
     if not math.isfinite(duration_s):
         return UNKNOWN
     seconds = round(duration_s)
     if seconds < 3600:
-        return f"{seconds // 60}:{seconds % 60:02d} min"
+        return f"{seconds // 60} min {seconds % 60:02d} s"
     minutes = round(duration_s / 60)
-    return f"{minutes // 60}:{minutes % 60:02d} h"
+    return f"{minutes // 60} h {minutes % 60:02d} min"
 
 
 def human_area(area_m2: float) -> str:
