@@ -28,6 +28,8 @@ from mrmission.model import FloatArray, IntArray, PostmanTour, ReebGraph, read_o
 
 WEIGHT_BITS = 48
 """Weights are matched as integers, in units of 2**-48 of the largest."""
+TIE_SHIFT = 48
+"""Each unit counts 2**48 tie-breaking ones: more than all edges have, up to 2**18 of them."""
 
 
 def postman_tour(
@@ -109,12 +111,28 @@ def postman_tour(
         )
     largest = float(cost.max())
     unit = 2.0**WEIGHT_BITS / largest if largest > 0 else 0.0
-    integer = [round(c * unit) for c in cost.tolist()]
+    integer = [
+        (round(c * unit) << TIE_SHIFT) + _tie_break(e)
+        for c, e in zip(cost.tolist(), chosen.tolist(), strict=True)
+    ]
     doubled: list[int] = []
     for block in blocks:
         doubled.extend(_doubled_of_block(block, tail, head, integer))
     steps, nodes = _euler_tour(len(node_of), tail, head, sorted(doubled), start)
     return _as_tour(steps, node_of[nodes].tolist(), chosen, reeb)
+
+
+def _tie_break(edge: int) -> int:
+    """Return 30 mixed bits of an edge's number (splitmix64).
+
+    Added to the weights they leave one cheapest set where several tie, so that the tour does not
+    hang on the order in which the solver meets them.
+    """
+    mask = 2**64 - 1
+    x = (edge + 1) * 0x9E3779B97F4A7C15 & mask
+    x = (x ^ x >> 30) * 0xBF58476D1CE4E5B9 & mask
+    x = (x ^ x >> 27) * 0x94D049BB133111EB & mask
+    return (x ^ x >> 31) >> 34
 
 
 def _chosen_edges(reeb: ReebGraph, edges: npt.ArrayLike | None) -> IntArray:

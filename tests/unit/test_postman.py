@@ -180,6 +180,17 @@ def test_same_input_same_tour() -> None:
     assert first.direction.tobytes() == second.direction.tobytes()
 
 
+def test_ties_do_not_hang_on_the_numbers_of_the_nodes() -> None:
+    rng = np.random.default_rng(6)
+    pairs = random_multigraph(rng, 30, 30)
+    expected = postman_tour(reeb_of(30, pairs, [1.0] * len(pairs))).doubled.tolist()
+    for _ in range(10):
+        number = rng.permutation(30).tolist()
+        turned = [(number[b], number[a]) for a, b in pairs]
+        tour = postman_tour(reeb_of(30, turned, [1.0] * len(pairs)))
+        assert tour.doubled.tolist() == expected
+
+
 def test_long_chain_needs_no_recursion() -> None:
     nodes = 5000
     reeb = reeb_of(nodes, [(i, i + 1) for i in range(nodes - 1)], [1.0] * (nodes - 1))
