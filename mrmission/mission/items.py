@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from mrmission.errors import PlanningError
 from mrmission.mission import mavlink
+from mrmission.mission.mavlink import wrap_lon_deg as wrap_lon_deg
 from mrmission.model import FloatArray, IntArray, LegKind, MissionItem
 from mrmission.options import PlanOptions
 
@@ -162,9 +163,7 @@ def build_items(
     if not np.isfinite(path).all():
         bad = int(np.flatnonzero(~np.isfinite(path).all(axis=1))[0])
         raise PlanningError(f"point {bad} of the path is {path[bad].tolist()}: not a position")
-    positions = [
-        (mavlink.e7(lat), mavlink.e7(mavlink.wrap_lon_deg(lon))) for lon, lat in path.tolist()
-    ]
+    positions = [(mavlink.e7(lat), mavlink.e7(wrap_lon_deg(lon))) for lon, lat in path.tolist()]
     if len(positions) < 2 or len(set(positions)) < 2:
         return (), (), ()
     if positions[0] != positions[-1]:

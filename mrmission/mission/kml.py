@@ -32,7 +32,7 @@ def tours_kml(missions: Sequence[Mission], name: str = "mrmission") -> str:
         "<Document>",
         f"<name>{escape(name)}</name>",
     ]
-    for index, mission in enumerate(missions):
+    for index in range(len(missions)):
         colour = _colour(index, len(missions))
         for kind, width in (("survey", 3), ("transit", 1)):
             out.append(

@@ -1,0 +1,349 @@
+"""Fence rings in the plane, within a budget: the path inside, the land outside, if it can be.
+
+The shore and the islands are shortened ring by ring, cheapest move first, under a hard constraint:
+no move cuts off water within the margin of the path (see :mod:`mrmission.mission.ring_kernel`).
+A shorter ring either gives up water away from the path, which is nearly free, or takes land in,
+which costs its area. Every ring's cost at every length is then known, and the budget's bytes go
+where they save most.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import shapely
+from shapely.geometry.polygon import orient
+
+from mrmission.errors import InfeasibleError
+from mrmission.mission.ring_kernel import replay, shorten_ring
+from mrmission.model import FloatArray, IntArray
+from mrmission.options import VehicleLimits
+
+WATER_WEIGHT = 1e-3
+"""Cost of a square metre of water given up, against 1 for a square metre of land taken in."""
+TOUCH_M = 0.3
+"""The fence keeps at least this distance from the path, onto land where the shore is nearer."""
+MIN_MARGIN_M = 0.05
+HAZARD_M2 = 1000.0
+"""What leaving out an island beside a lane costs on top of its area; falls with its distance."""
+HAZARD_REACH_M = 10.0
+SURROUND_M = 60.0
+"""Where the whole shore does not fit, the fence of a robot reaches this far beyond its path."""
+PLACE_M2 = 1.0
+"""Pieces of land smaller than this are counted, but not listed."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RingFit:
+    """A fence and what it cost.
+
+    ``inclusion`` and each of ``exclusions`` are (n, 2) arrays in the frame of the input, not
+    closed. ``land_m2`` is the land inside the fence, left-out islands included;
+    ``land_places_m`` lists its pieces as (area in m², x, y), largest first.
+    ``islands_left_out_m`` lists islands inside the fence without an exclusion of their own as
+    (area in m², x, y), nearest to the path first.
+    """
+
+    inclusion: FloatArray
+    exclusions: tuple[FloatArray, ...]
+    land_m2: float
+    land_places_m: tuple[tuple[float, float, float], ...]
+    islands_left_out_m: tuple[tuple[float, float, float], ...]
+    points: int
+    bytes_used: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Ring:
+    """One ring with its moves. ``steps`` are (points dropped, cost) on the lower convex hull."""
+
+    ring: FloatArray
+    moves: IntArray
+    values: FloatArray
+    cost: FloatArray
+    """Cumulative cost after k moves, k = 0..len(moves)."""
+    first: int
+    """Moves that must be made to stay within the largest polygon."""
+    hull: tuple[int, ...]
+    """Rising numbers of moves between which the cost per point rises."""
+
+
+def fit_rings(
+    water_m: shapely.Polygon,
+    path_m: Sequence[shapely.Geometry],
+    margin_m: float,
+    limits: VehicleLimits,
+) -> RingFit:
+    """Fit an inclusion polygon and island exclusions around a path, within the vehicle's budget.
+
+    The path never leaves the fence nor touches it: it keeps `margin_m` from the fence where the
+    shore leaves room, and where the shore is nearer, the shore's distance, but at least 0.3 m.
+    Land is taken in only where the budget leaves no choice. Where not all islands fit, those that
+    the path passes nearest come first.
+
+    Parameters
+    ----------
+    water_m
+        The survey area, one polygon with islands as holes. Any plane will do: fence edges and legs
+        are straight in it.
+    path_m
+        What must stay inside: lines and points with the margin, polygons (launch circles, clipped
+        to the water) without.
+    margin_m
+        Distance kept from the fence, m.
+    limits
+        The vehicle's fence store.
+
+    Returns
+    -------
+    RingFit
+
+    Raises
+    ------
+    InfeasibleError
+        When not even the simplest fence around the path fits.
+    """
+    margin_m = max(margin_m, MIN_MARGIN_M)
+    touch_m = min(TOUCH_M, margin_m)
+    path, need, reach = _segments(path_m, margin_m, touch_m)
+    shown = shapely.union_all([shapely.force_2d(g) for g in path_m])
+    lines = shapely.multilinestrings(
+        [s for s, d in zip(path.reshape(-1, 2, 2), need, strict=True) if d == margin_m]
+    )
+    water = _with_path(water_m, lines, touch_m)
+    best = _fit(water_m, water, shown, path, need, reach, limits)
+    whole = best is not None and best[0] < PLACE_M2
+    if not whole:
+        near = shapely.intersection(
+            water, shapely.buffer(shown, max(SURROUND_M, 10 * margin_m), quad_segs=2)
+        )
+        part = _part_of(near, shown)
+        # gaps between the legs are open water; only the islands in them count
+        shell = shapely.Polygon(part.exterior)
+        shapely.prepare(shell)
+        holes = [r for r in water.interiors if shapely.intersects(shell, shapely.Polygon(r))]
+        other = _fit(
+            water_m, shapely.Polygon(part.exterior, holes), shown, path, need, reach, limits
+        )
+        if best is None or (other is not None and other[0] < best[0]):
+            best = other
+    if best is None:
+        raise InfeasibleError(
+            f"no fence around the path fits into {limits.fence_bytes} bytes with "
+            f"{limits.fence_polygon_points} points in a polygon: use --no-fence, a vehicle with "
+            "larger fence storage, or a larger --clearance"
+        )
+    return best[1]
+
+
+def _segments(
+    path_m: Sequence[shapely.Geometry], margin_m: float, touch_m: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the path's segments, the distance each needs, and the least distance of each."""
+    rows: list[FloatArray] = []
+    need: list[FloatArray] = []
+    reach: list[FloatArray] = []
+
+    def add(points: FloatArray, wanted_m: float, least_m: float) -> None:
+        if len(points) == 1:
+            points = np.vstack([points, points])
+        rows.append(np.hstack([points[:-1], points[1:]]))
+        need.append(np.full(len(points) - 1, wanted_m))
+        reach.append(np.full(len(points) - 1, least_m))
+
+    inset_m = MIN_MARGIN_M
+    for geometry in path_m:
+        for part in shapely.get_parts(geometry):
+            if part.is_empty:
+                continue
+            if part.geom_type == "Polygon":
+                # just inside the edge, which may lie on the shore
+                inner = shapely.buffer(part, -inset_m)
+                for piece in shapely.get_parts(inner):
+                    for ring in (piece.exterior, *piece.interiors):
+                        if not piece.is_empty:
+                            add(shapely.get_coordinates(ring), 0.8 * inset_m, 0.5 * inset_m)
+            else:
+                add(shapely.get_coordinates(part), margin_m, 0.8 * touch_m)
+    if not rows:
+        raise InfeasibleError("a fence needs a path or a launch place to go around; found none")
+    return np.ascontiguousarray(np.vstack(rows)), np.concatenate(need), np.concatenate(reach)
+
+
+def _with_path(water: shapely.Polygon, lines: Any, touch_m: float) -> shapely.Polygon:
+    """Return the water, widened onto land where the path runs closer than `touch_m` to it."""
+    legs = shapely.get_parts(lines)
+    outside = ~shapely.covers(water, legs) if len(legs) else np.zeros(0, dtype=bool)
+    rings = water.boundary
+    shapely.prepare(rings)
+    close = legs[outside | shapely.dwithin(rings, legs, touch_m)] if len(legs) else legs
+    if len(close) == 0:
+        return water
+    # a buffer's arcs lie inside the true circle: 5 % more keeps the distance everywhere
+    wide = shapely.union_all(
+        [water, *shapely.buffer(close, 1.05 * touch_m, quad_segs=4, join_style="round")]
+    )
+    return _part_of(wide, lines)
+
+
+def _part_of(region: Any, path: Any) -> shapely.Polygon:
+    """Return the part of a region that holds the path."""
+    parts = [p for p in shapely.get_parts(region) if p.geom_type == "Polygon" and p.area > 0]
+    if not parts:
+        raise InfeasibleError("the path lies outside the water: no fence can hold both")
+    if len(parts) == 1:
+        return parts[0]
+    held = [shapely.intersection(p, path) for p in parts]
+    return parts[
+        max(range(len(parts)), key=lambda i: (held[i].length, held[i].area, parts[i].area))
+    ]
+
+
+def _fit(
+    water_m: shapely.Polygon,
+    water: shapely.Polygon,
+    shown: Any,
+    path: FloatArray,
+    need: FloatArray,
+    reach: FloatArray,
+    limits: VehicleLimits,
+) -> tuple[float, RingFit] | None:
+    """Fit a fence to `water`; return its cost and itself, or None where it does not fit."""
+    water = orient(water)
+    if not limits.fence_polygon_points >= 3:
+        return None
+    overhead = limits.fence_bytes_of(0)
+    per_point = limits.fence_bytes_of(1) - overhead
+    holes = list(water.interiors)
+    filled = shapely.polygons(holes) if holes else np.array([])
+    distance = shapely.distance(shown, filled) if holes else np.array([])
+    order = np.argsort(distance, kind="stable")
+    most = max(0, (limits.fence_bytes - 2 * overhead - 3 * per_point) // (overhead + 3 * per_point))
+
+    def shorten(ring: Any) -> _Ring:
+        return _shorten(shapely.get_coordinates(ring)[:-1], path, need, reach, limits)
+
+    shell = shorten(water.exterior)
+    islands = [shorten(holes[i]) for i in order[:most]]
+    left_out_cost = filled_area = shapely.area(filled) if holes else np.zeros(0)
+    if holes:
+        left_out_cost = filled_area + HAZARD_M2 * HAZARD_REACH_M / (HAZARD_REACH_M + distance)
+
+    # how many islands, nearest first: every number is tried, each with its best shares
+    best: tuple[float, int, list[int]] | None = None
+    for count in range(len(islands) + 1):
+        shares = _share([shell, *islands[:count]], limits)
+        if shares is None:
+            break
+        cost = shares[0] + float(left_out_cost[order[count:]].sum())
+        if best is None or cost < best[0]:
+            best = (cost, count, shares[1])
+    if best is None:
+        return None
+    _, count, made = best
+    inclusion = _made(shell, made[0])
+    # an island that lies beyond the inclusion needs no exclusion: give its points to the others
+    inside = shapely.Polygon(inclusion)
+    shapely.prepare(inside)
+    wanted = [
+        i for i in range(count) if shapely.intersects(inside, shapely.Polygon(islands[i].ring))
+    ]
+    if len(wanted) < count:
+        shares = _share([shell, *(islands[i] for i in wanted)], limits)
+        if shares is not None:
+            made = shares[1]
+            inclusion = _made(shell, made[0])
+    exclusions = [_made(islands[i], k) for i, k in zip(wanted, made[1:], strict=True)]
+    fit = _report(water_m, shown, inclusion, exclusions, limits)
+    # the true cost: land, the hazard of islands left out, and a trifle for water given up
+    hazard = sum(
+        HAZARD_M2 * HAZARD_REACH_M / (HAZARD_REACH_M + shapely.distance(shown, shapely.Point(x, y)))
+        for _, x, y in fit.islands_left_out_m
+    )
+    return fit.land_m2 + hazard, fit
+
+
+def _shorten(
+    ring: FloatArray, path: FloatArray, need: FloatArray, reach: FloatArray, limits: VehicleLimits
+) -> _Ring:
+    points = np.ascontiguousarray(ring, dtype=float)
+    moves, values = shorten_ring(points, path, need, reach, WATER_WEIGHT)
+    cost = np.concatenate([[0.0], np.cumsum(values[:, 2])])
+    first = max(0, len(points) - limits.fence_polygon_points)
+    hull: list[int] = []
+    for k in range(first, len(cost)):
+        while len(hull) > 1 and (cost[k] - cost[hull[-1]]) * (hull[-1] - hull[-2]) <= (
+            cost[hull[-1]] - cost[hull[-2]]
+        ) * (k - hull[-1]):
+            hull.pop()
+        hull.append(k)
+    return _Ring(points, moves, values, cost, first, tuple(hull))
+
+
+def _share(rings: Sequence[_Ring], limits: VehicleLimits) -> tuple[float, list[int]] | None:
+    """Share the budget: return the cost and the number of moves of each ring, None if too small."""
+    if any(not r.hull for r in rings):
+        return None
+    overhead = limits.fence_bytes_of(0)
+    per_point = limits.fence_bytes_of(1) - overhead
+    room = (limits.fence_bytes - overhead * len(rings)) // per_point
+    excess = sum(len(r.ring) - r.first for r in rings) - room
+    made = [r.first for r in rings]
+    # steps of all rings, cheapest per point first; within a ring they are in order by the hull
+    steps = sorted(
+        ((r.cost[j] - r.cost[i]) / (j - i), index, i, j)
+        for index, r in enumerate(rings)
+        for i, j in zip(r.hull[:-1], r.hull[1:], strict=True)
+    )
+    for _, index, i, j in steps:
+        if excess <= 0:
+            break
+        made[index] = min(j, i + excess)
+        excess -= made[index] - i
+    if excess > 0:
+        return None
+    return float(sum(r.cost[k] for r, k in zip(rings, made, strict=True))), made
+
+
+def _made(ring: _Ring, count: int) -> FloatArray:
+    return replay(ring.ring, ring.moves, ring.values, count)
+
+
+def _report(
+    water_m: shapely.Polygon,
+    shown: Any,
+    inclusion: FloatArray,
+    exclusions: Sequence[FloatArray],
+    limits: VehicleLimits,
+) -> RingFit:
+    """Measure a fence against the true water."""
+    inside = shapely.Polygon(inclusion)
+    kept_out = [shapely.Polygon(e) for e in exclusions]
+    allowed = shapely.difference(inside, shapely.union_all(kept_out)) if kept_out else inside
+    land = shapely.difference(allowed, water_m)
+    places = []
+    for piece in shapely.get_parts(land):
+        if piece.area >= PLACE_M2:
+            at = shapely.point_on_surface(piece)
+            places.append((float(piece.area), float(at.x), float(at.y)))
+    islands = [shapely.Polygon(r) for r in water_m.interiors]
+    left_out = []
+    if islands:
+        covered = shapely.STRtree(kept_out).query(islands, predicate="intersects")[0]
+        for i in np.setdiff1d(shapely.STRtree(islands).query(inside, "intersects"), covered):
+            at = shapely.point_on_surface(islands[i])
+            away = shapely.distance(shown, islands[i])
+            left_out.append((away, (float(islands[i].area), float(at.x), float(at.y))))
+    sizes = [len(inclusion), *map(len, exclusions)]
+    return RingFit(
+        inclusion=inclusion,
+        exclusions=tuple(exclusions),
+        land_m2=float(land.area),
+        land_places_m=tuple(sorted(places, reverse=True)),
+        islands_left_out_m=tuple(row for _, row in sorted(left_out)),
+        points=sum(sizes),
+        bytes_used=sum(map(limits.fence_bytes_of, sizes)),
+    )
