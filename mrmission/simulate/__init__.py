@@ -1,1 +1,19 @@
-"""Stage: simulate."""
+"""Simulated boats: light vehicles that speak ArduPilot's MAVLink on loopback and sail missions.
+
+``wire`` packs and parses, ``storage`` says what an autopilot keeps of an item, ``transfer`` is the
+mission protocol, ``parameters``, ``motion`` and ``autopilot`` are the boat, ``vehicle`` ties them
+into one state machine without sockets or clocks, ``transport`` and ``fleet`` put it on the network.
+"""
+
+from mrmission.simulate.fleet import FleetThread, SimulatedFleet, berths_lonlat
+from mrmission.simulate.transport import Faults
+from mrmission.simulate.vehicle import SimVehicle, VehicleSetup
+
+__all__ = [
+    "Faults",
+    "FleetThread",
+    "SimVehicle",
+    "SimulatedFleet",
+    "VehicleSetup",
+    "berths_lonlat",
+]

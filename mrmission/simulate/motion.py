@@ -1,0 +1,187 @@
+"""How a simulated boat moves: a point with a heading, limited in speed, braking and turning.
+
+The model is kinematic. The boat steers for a point some metres ahead on the line between two
+waypoints, turns no faster than a given rate, brakes before a corner down to a share of its speed
+that depends on the corner's angle, and takes the next leg once it is within the acceptance radius.
+There is no wind, current, wave, inertia sideways or throttle curve.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+METRES_PER_DEGREE = 111_319.490793
+"""ArduPilot's own figure: metres per degree of latitude."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Kinematics:
+    """Limits of the boat's motion.
+
+    Parameters
+    ----------
+    accel_m_s2, decel_m_s2 : float
+        How fast speed grows and falls.
+    turn_rate_deg_s : float
+        Largest turn rate.
+    turn_gain : float
+        Turn rate asked per heading error, 1/s.
+    lookahead_s : float
+        Distance to the aiming point on the leg, in seconds of travel.
+    slowest_share : float
+        Share of the cruising speed that is kept in the sharpest corner.
+    """
+
+    accel_m_s2: float = 1.0
+    decel_m_s2: float = 1.0
+    turn_rate_deg_s: float = 45.0
+    turn_gain: float = 2.0
+    lookahead_s: float = 1.0
+    slowest_share: float = 0.3
+
+
+def offset_m(lat: float, lon: float, to_lat: float, to_lon: float) -> tuple[float, float]:
+    """Return ``(east_m, north_m)`` from one position (degrees) to another, on a local plane."""
+    d_lon = (to_lon - lon + 180.0) % 360.0 - 180.0
+    scale = math.cos(math.radians(0.5 * (lat + to_lat)))
+    return d_lon * METRES_PER_DEGREE * scale, (to_lat - lat) * METRES_PER_DEGREE
+
+
+def moved(lat: float, lon: float, east_m: float, north_m: float) -> tuple[float, float]:
+    """Return the position (degrees) that lies `east_m`, `north_m` from another."""
+    new_lat = lat + north_m / METRES_PER_DEGREE
+    scale = math.cos(math.radians(0.5 * (lat + new_lat)))
+    new_lon = lon + east_m / (METRES_PER_DEGREE * max(scale, 1e-9))
+    return new_lat, (new_lon + 180.0) % 360.0 - 180.0
+
+
+def wrapped(angle_rad: float) -> float:
+    """Return an angle in (-π, π]."""
+    return math.remainder(angle_rad, 2.0 * math.pi)
+
+
+def corner_share(turn_rad: float, slowest_share: float) -> float:
+    """Return the share of the cruising speed kept through a corner of `turn_rad` (0 = straight)."""
+    return max(slowest_share, math.cos(0.5 * min(abs(turn_rad), math.pi)))
+
+
+class Boat:
+    """Position, heading and speed of one boat.
+
+    Parameters
+    ----------
+    lat, lon : float
+        Degrees.
+    heading_rad : float
+        Clockwise from north.
+    """
+
+    __slots__ = ("heading_rad", "lat", "limits", "lon", "speed_m_s", "turn_rad_s")
+
+    def __init__(
+        self, lat: float, lon: float, heading_rad: float, limits: Kinematics | None = None
+    ) -> None:
+        self.lat = lat
+        self.lon = lon
+        self.heading_rad = heading_rad
+        self.speed_m_s = 0.0
+        self.turn_rad_s = 0.0
+        self.limits = limits or Kinematics()
+
+    def advance(self, dt_s: float, heading_rad: float, speed_m_s: float) -> None:
+        """Move for `dt_s`, turning to a heading and changing to a speed within the limits."""
+        limits = self.limits
+        error = wrapped(heading_rad - self.heading_rad)
+        if speed_m_s <= 0.0 and self.speed_m_s <= 0.0:
+            self.turn_rad_s = 0.0
+            return
+        most = math.radians(limits.turn_rate_deg_s)
+        rate = max(-most, min(most, limits.turn_gain * error))
+        if abs(rate * dt_s) > abs(error):
+            rate = error / dt_s
+        self.turn_rad_s = rate
+        change = speed_m_s - self.speed_m_s
+        before = self.speed_m_s
+        self.speed_m_s += max(-limits.decel_m_s2 * dt_s, min(limits.accel_m_s2 * dt_s, change))
+        way = 0.5 * (before + self.speed_m_s) * dt_s
+        middle = self.heading_rad + 0.5 * rate * dt_s
+        self.heading_rad = (self.heading_rad + rate * dt_s) % (2.0 * math.pi)
+        if way:
+            self.lat, self.lon = moved(
+                self.lat, self.lon, way * math.sin(middle), way * math.cos(middle)
+            )
+
+    def stop(self, dt_s: float) -> None:
+        """Brake on the present heading."""
+        self.advance(dt_s, self.heading_rad, 0.0)
+
+
+class Leg:
+    """One straight piece of way from A to B and what happens at its end.
+
+    Parameters
+    ----------
+    start, end : tuple of float
+        ``(lat, lon)``, degrees.
+    after : tuple of float, optional
+        Where the leg after this one goes; None where the boat stops at the end.
+    """
+
+    __slots__ = ("after_turn_rad", "end", "length_m", "start", "stops", "unit")
+
+    def __init__(
+        self,
+        start: tuple[float, float],
+        end: tuple[float, float],
+        after: tuple[float, float] | None,
+    ) -> None:
+        self.start, self.end = start, end
+        east, north = offset_m(*start, *end)
+        self.length_m = math.hypot(east, north)
+        self.unit = (
+            (east / self.length_m, north / self.length_m) if self.length_m > 0.01 else (0.0, 0.0)
+        )
+        self.stops = after is None
+        self.after_turn_rad = 0.0
+        if after is not None and self.length_m > 0.01:
+            e, n = offset_m(*end, *after)
+            if math.hypot(e, n) > 0.01:
+                self.after_turn_rad = wrapped(math.atan2(e, n) - math.atan2(east, north))
+
+    def state(self, boat: Boat) -> tuple[float, float, float]:
+        """Return distance to the end, way left along the leg and cross-track error, metres."""
+        east, north = offset_m(boat.lat, boat.lon, *self.end)
+        u_e, u_n = self.unit
+        distance = math.hypot(east, north)
+        if self.length_m <= 0.01:
+            return distance, 0.0, 0.0
+        return distance, east * u_e + north * u_n, east * u_n - north * u_e
+
+    def reached(self, boat: Boat, radius_m: float) -> bool:
+        """Return whether the boat is within `radius_m` of the end, or past it."""
+        distance, left, _ = self.state(boat)
+        return distance <= radius_m or left <= 0.0
+
+    def drive(self, boat: Boat, dt_s: float, speed_m_s: float, radius_m: float) -> None:
+        """Move the boat along the leg for `dt_s` at no more than `speed_m_s`."""
+        limits = boat.limits
+        distance, left, cross = self.state(boat)
+        ahead = max(1.0, limits.lookahead_s * speed_m_s)
+        forward = min(math.sqrt(ahead * ahead - cross * cross) if abs(cross) < ahead else 0.2, left)
+        u_e, u_n = self.unit
+        # From the boat to the aiming point: back to the line, then forward along it.
+        east = u_n * cross + u_e * forward
+        north = -u_e * cross + u_n * forward
+        if distance <= 0.01 or self.length_m <= 0.01:
+            east, north = offset_m(boat.lat, boat.lon, *self.end)
+        heading = math.atan2(east, north)
+        error = abs(wrapped(heading - boat.heading_rad))
+        kept = 0.0 if self.stops else corner_share(self.after_turn_rad, limits.slowest_share)
+        room = max(0.0, distance - (0.0 if self.stops else radius_m))
+        wanted = min(
+            speed_m_s,
+            math.sqrt((kept * speed_m_s) ** 2 + 2.0 * limits.decel_m_s2 * room),
+            speed_m_s * corner_share(error, limits.slowest_share),
+        )
+        boat.advance(dt_s, heading, max(wanted, 0.05))

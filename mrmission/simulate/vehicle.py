@@ -1,0 +1,521 @@
+"""One simulated vehicle: MAVLink messages in, MAVLink messages out, and a clock that is told.
+
+:class:`SimVehicle` opens no socket and reads no clock. The link's clock (`now_s`) drives what the
+protocol times: streams, retries, time-outs. The boat's clock runs `speedup` times as fast and
+drives what happens on the water, so a rehearsal at ten times the speed still talks to a ground
+station in real time.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Hashable, Mapping
+from dataclasses import dataclass, field
+
+from mrmission.simulate import telemetry
+from mrmission.simulate.autopilot import Autopilot, Mode
+from mrmission.simulate.motion import Boat, Kinematics
+from mrmission.simulate.parameters import Parameters
+from mrmission.simulate.storage import Item
+from mrmission.simulate.stores import FenceStore, MissionStore, RallyStore
+from mrmission.simulate.transfer import Outbound, Peer, Transfer
+from mrmission.simulate.wire import AUTOPILOT_COMPONENT, Message, mavlink
+
+PARAMETERS_PER_STEP = 20
+SHORTEST_INTERVAL_S = 0.05
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VehicleSetup:
+    """What one simulated vehicle starts with.
+
+    Parameters
+    ----------
+    system_id : int
+        MAVLink system id, 1 to 255.
+    lon, lat : float
+        Where it floats at the start, degrees.
+    heading_deg : float
+        Clockwise from north.
+    speedup : float
+        Seconds that pass on the water per second of the link's clock.
+    parameters : mapping of str to float
+        Parameter values that differ from ArduPilot's defaults.
+    ready_s : float
+        Time on the water until the position is good enough to arm (a real boat: 20 to 45 s).
+    kinematics : Kinematics
+        How it moves.
+    """
+
+    system_id: int = 1
+    lon: float = 0.0
+    lat: float = 0.0
+    heading_deg: float = 0.0
+    speedup: float = 1.0
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    ready_s: float = 0.0
+    kinematics: Kinematics = field(default_factory=Kinematics)
+
+
+class SimVehicle:
+    """A simulated ArduPilot boat.
+
+    Parameters
+    ----------
+    setup : VehicleSetup
+        What it starts with.
+
+    Notes
+    -----
+    :meth:`handle` and :meth:`step` return :class:`~mrmission.simulate.transfer.Outbound` messages:
+    replies carry the link that asked, broadcasts carry None.
+    """
+
+    def __init__(self, setup: VehicleSetup) -> None:
+        self.setup = setup
+        self.now_s: float | None = None
+        self._out: list[Outbound] = []
+        self._listing: dict[Hashable, int] = {}
+        self.parameters = Parameters({**setup.parameters, "SYSID_THISMAV": setup.system_id})
+        self.mission = MissionStore(self._say, int(self.parameters["BRD_SD_MISSION"]))
+        self.fence = FenceStore(self._say, int(self.parameters["BRD_SD_FENCE"]))
+        self.rally = RallyStore()
+        self.boat = Boat(setup.lat, setup.lon, math.radians(setup.heading_deg), setup.kinematics)
+        self.autopilot = self._boot()
+        self.origin = (setup.lat, setup.lon)
+        self.transfers = {
+            store.mission_type: Transfer(store, self._say, lambda: self.autopilot.current)
+            for store in (self.mission, self.fence, self.rally)
+        }
+        self._intervals = dict(telemetry.STREAMS)
+        self._due: dict[int, float] = {}
+        self._next_due_s = 0.0
+
+    @property
+    def system_id(self) -> int:
+        """The vehicle's MAVLink system id."""
+        return self.setup.system_id
+
+    # --- the two entrances ---
+
+    def handle(self, message: Message, link: Hashable = 0) -> list[Outbound]:
+        """Take one message from `link` and return what is sent because of it."""
+        target = getattr(message, "target_system", 0)
+        component = getattr(message, "target_component", 0)
+        if target in (0, self.system_id) and component in (0, AUTOPILOT_COMPONENT):
+            handler = _HANDLERS.get(message.get_msgId())
+            if handler is not None:
+                handler(
+                    self, message, Peer(message.get_srcSystem(), message.get_srcComponent(), link)
+                )
+                self._collect()
+        return self._flush()
+
+    def step(self, now_s: float, *, telemetry: bool = True) -> list[Outbound]:
+        """Let the link's clock advance to `now_s` and return what is sent meanwhile.
+
+        Parameters
+        ----------
+        now_s : float
+            The link's clock; must not go back.
+        telemetry : bool
+            False where nobody listens: streams are then not built.
+        """
+        if self.now_s is not None and now_s > self.now_s:
+            self.autopilot.advance((now_s - self.now_s) * self.setup.speedup)
+        self.now_s = now_s
+        self._collect()
+        for transfer in self.transfers.values():
+            if transfer.receiving:
+                transfer.tick(now_s)
+                self._out += transfer.take()
+        if self._listing:
+            self._send_parameter_pages()
+        if telemetry and now_s >= self._next_due_s:
+            self._stream(now_s)
+        return self._flush()
+
+    def hello(self, link: Hashable) -> list[Outbound]:
+        """Return what a newly connected `link` gets at once: a heartbeat."""
+        return [Outbound(link, telemetry.heartbeat(self))]
+
+    def reboot(self) -> None:
+        """Restart the autopilot: disarmed, initial mode; mission, fence, parameters are kept."""
+        self.boat.speed_m_s = 0.0
+        self.autopilot = self._boot()
+
+    def _boot(self) -> Autopilot:
+        return Autopilot(
+            self.boat, self.parameters, self.mission, self.fence, self.rally, self.setup.ready_s
+        )
+
+    # --- sending ---
+
+    def _flush(self) -> list[Outbound]:
+        out, self._out = self._out, []
+        return out
+
+    def _send(self, message: Message, link: Hashable | None = None) -> None:
+        self._out.append(Outbound(link, message))
+
+    def _say(self, severity: int, text: str) -> None:
+        self._send(mavlink.MAVLink_statustext_message(severity, text.encode("ascii")[:50]))
+
+    def _collect(self) -> None:
+        """Turn the autopilot's events into messages."""
+        events = self.autopilot.events
+        if not events:
+            return
+        self.autopilot.events = []
+        for kind, number, text in events:
+            if kind == "text":
+                self._say(number, text)
+            elif kind == "reached":
+                self._send(mavlink.MAVLink_mission_item_reached_message(number))
+            elif kind == "mode":
+                self._send(telemetry.heartbeat(self))
+            elif kind == "home" and self.now_s is not None:
+                self._send(telemetry.home_position(self))
+
+    def _stream(self, now_s: float) -> None:
+        soonest = math.inf
+        for message_id, interval_s in self._intervals.items():
+            due = self._due.get(message_id, now_s)
+            if now_s >= due:
+                message = self._build(message_id)
+                if message is not None:
+                    self._send(message)
+                # Keep the rhythm, but never make up for what was missed.
+                due = max(due + interval_s, now_s + 0.5 * interval_s)
+                self._due[message_id] = due
+            soonest = min(soonest, due)
+        self._next_due_s = soonest
+
+    def _build(self, message_id: int) -> Message | None:
+        builder = telemetry.BUILDERS.get(message_id)
+        return None if builder is None else builder(self)
+
+    # --- messages in ---
+
+    def _on_ping(self, message: Message, peer: Peer) -> None:
+        if message.target_system == 0 and message.target_component == 0:
+            self._send(
+                mavlink.MAVLink_ping_message(
+                    message.time_usec, message.seq, peer.system_id, peer.component_id
+                ),
+                peer.link,
+            )
+
+    def _on_timesync(self, message: Message, peer: Peer) -> None:
+        if message.tc1 == 0:
+            now_ns = int((self.now_s or 0.0) * 1e9) + 1
+            self._send(mavlink.MAVLink_timesync_message(now_ns, message.ts1), peer.link)
+
+    def _on_set_mode(self, message: Message, peer: Peer) -> None:
+        if message.base_mode & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
+            self.autopilot.set_mode(message.custom_mode)
+
+    def _on_set_position_target(self, message: Message, peer: Peer) -> None:
+        if not message.type_mask & 0b11:
+            self.autopilot.go_to(message.lat_int * 1e-7, message.lon_int * 1e-7)
+
+    # --- mission protocol ---
+
+    def _transfer(self, message: Message, peer: Peer) -> Transfer | None:
+        transfer = self.transfers.get(message.mission_type)
+        if transfer is None:
+            self._send(
+                mavlink.MAVLink_mission_ack_message(
+                    peer.system_id,
+                    peer.component_id,
+                    mavlink.MAV_MISSION_UNSUPPORTED,
+                    message.mission_type,
+                ),
+                peer.link,
+            )
+        return transfer
+
+    def _on_mission(self, message: Message, peer: Peer) -> None:
+        transfer = self._transfer(message, peer)
+        if transfer is None:
+            return
+        now_s = self.now_s or 0.0
+        kind = message.get_msgId()
+        if kind == mavlink.MAVLINK_MSG_ID_MISSION_COUNT:
+            transfer.on_count(message.count, peer, now_s)
+        elif kind == mavlink.MAVLINK_MSG_ID_MISSION_WRITE_PARTIAL_LIST:
+            transfer.on_write_partial(message.start_index, message.end_index, peer, now_s)
+        elif kind == mavlink.MAVLINK_MSG_ID_MISSION_CLEAR_ALL:
+            transfer.on_clear(peer)
+        elif kind == mavlink.MAVLINK_MSG_ID_MISSION_REQUEST_LIST:
+            transfer.on_request_list(peer)
+        elif kind == mavlink.MAVLINK_MSG_ID_MISSION_REQUEST_INT:
+            transfer.on_request(message.seq, peer, integer=True)
+        else:
+            transfer.on_request(message.seq, peer, integer=False)
+        self._out += transfer.take()
+
+    def _on_mission_item(self, message: Message, peer: Peer) -> None:
+        integer = message.get_msgId() == mavlink.MAVLINK_MSG_ID_MISSION_ITEM_INT
+        x, y = message.x, message.y
+        if not integer:
+            if not (math.isfinite(x) and math.isfinite(y)):
+                x = y = 999.0
+            x, y = round(x * 1e7), round(y * 1e7)
+        if message.mission_type == mavlink.MAV_MISSION_TYPE_MISSION and message.current == 2:
+            accepted = self.autopilot.go_to(x * 1e-7, y * 1e-7)
+            result = mavlink.MAV_MISSION_ACCEPTED if accepted else mavlink.MAV_MISSION_ERROR
+            self._send(
+                mavlink.MAVLink_mission_ack_message(peer.system_id, peer.component_id, result),
+                peer.link,
+            )
+            return
+        transfer = self._transfer(message, peer)
+        if transfer is None:
+            return
+        item = Item(
+            message.command,
+            message.frame,
+            message.param1,
+            message.param2,
+            message.param3,
+            message.param4,
+            x,
+            y,
+            message.z,
+        )
+        transfer.on_item(message.seq, item, peer, self.now_s or 0.0, integer=integer)
+        self._out += transfer.take()
+        self.parameters.put("MIS_TOTAL", float(self.mission.count()))
+        self.parameters.put("RALLY_TOTAL", float(self.rally.count()))
+
+    def _on_mission_set_current(self, message: Message, peer: Peer) -> None:
+        if self.autopilot.set_current(message.seq):
+            self._send(telemetry.mission_current(self, message.seq))
+
+    # --- parameters ---
+
+    def _param_value(self, name: str, index: int) -> Message:
+        return mavlink.MAVLink_param_value_message(
+            name.encode("ascii"),
+            self.parameters[name],
+            self.parameters.type_of(name),
+            len(self.parameters),
+            index,
+        )
+
+    def _on_param_request_list(self, message: Message, peer: Peer) -> None:
+        self._listing[peer.link] = 0
+
+    def _send_parameter_pages(self) -> None:
+        names = self.parameters.names
+        for link, start in list(self._listing.items()):
+            for index in range(start, min(start + PARAMETERS_PER_STEP, len(names))):
+                self._send(self._param_value(names[index], index), link)
+            if start + PARAMETERS_PER_STEP >= len(names):
+                del self._listing[link]
+            else:
+                self._listing[link] = start + PARAMETERS_PER_STEP
+
+    def _on_param_request_read(self, message: Message, peer: Peer) -> None:
+        index = message.param_index
+        if index >= 0:
+            if index < len(self.parameters):
+                self._send(self._param_value(self.parameters.names[index], index), peer.link)
+            return
+        name = _text(message.param_id)
+        if name in self.parameters:
+            self._send(self._param_value(name, 65535), peer.link)
+
+    def _on_param_set(self, message: Message, peer: Peer) -> None:
+        name = _text(message.param_id)
+        if name not in self.parameters:
+            return
+        if not self.parameters.set(name, message.param_value):
+            self._say(mavlink.MAV_SEVERITY_WARNING, f"Param write denied ({name})")
+        self._send(self._param_value(name, 65535))
+
+    # --- commands ---
+
+    def _on_command(self, message: Message, peer: Peer) -> None:
+        integer = message.get_msgId() == mavlink.MAVLINK_MSG_ID_COMMAND_INT
+        command = message.command
+        if integer:
+            place = (message.x * 1e-7, message.y * 1e-7)
+        else:
+            place = (message.param5, message.param6)
+        handler = _COMMANDS.get(command)
+        result = (
+            mavlink.MAV_RESULT_UNSUPPORTED
+            if handler is None
+            else handler(self, message, peer, place)
+        )
+        self._send(
+            mavlink.MAVLink_command_ack_message(
+                command, result, 0, 0, peer.system_id, peer.component_id
+            ),
+            peer.link,
+        )
+
+    def _do_arm(self, message: Message, peer: Peer, place: tuple[float, float]) -> int:
+        force = message.param2 == 21196
+        if message.param1 == 1:
+            done = self.autopilot.arm(force=force)
+        elif message.param1 == 0:
+            done = self.autopilot.disarm(force=force)
+        else:
+            return int(mavlink.MAV_RESULT_UNSUPPORTED)
+        return _accepted(done)
+
+    def _do_set_mode(self, message: Message, peer: Peer, place: tuple[float, float]) -> int:
+        if not int(message.param1) & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
+            return int(mavlink.MAV_RESULT_DENIED)
+        return _accepted(self.autopilot.set_mode(int(message.param2)))
+
+    def _do_mission_start(self, message: Message, peer: Peer, place: tuple[float, float]) -> int:
+        if message.param1 or message.param2:
+            return int(mavlink.MAV_RESULT_DENIED)
+        return _accepted(self.autopilot.set_mode(Mode.AUTO))
+
+    def _do_set_current(self, message: Message, peer: Peer, place: tuple[float, float]) -> int:
+        seq = int(message.param1)
+        if not 0 <= seq < max(1, self.mission.count()):
+            return int(mavlink.MAV_RESULT_DENIED)
+        if not self.autopilot.set_current(seq, restart=message.param2 == 1):
+            return int(mavlink.MAV_RESULT_FAILED)
+        self._send(telemetry.mission_current(self))
+        return int(mavlink.MAV_RESULT_ACCEPTED)
+
+    def _do_request_message(self, message: Message, peer: Peer, place: tuple[float, float]) -> int:
+        built = self._build(int(message.param1))
+        if built is None:
+            return int(mavlink.MAV_RESULT_FAILED)
+        self._send(built, peer.link)
+        return int(mavlink.MAV_RESULT_ACCEPTED)
+
+    def _do_capabilities(self, message: Message, peer: Peer, place: tuple[float, float]) -> int:
+        self._send(telemetry.autopilot_version(self), peer.link)
+        return int(mavlink.MAV_RESULT_ACCEPTED)
+
+    def _do_set_interval(self, message: Message, peer: Peer, place: tuple[float, float]) -> int:
+        message_id, interval_us = int(message.param1), message.param2
+        if message_id not in telemetry.BUILDERS:
+            return int(mavlink.MAV_RESULT_FAILED)
+        if interval_us < 0:
+            if message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT:
+                return int(mavlink.MAV_RESULT_DENIED)
+            self._intervals.pop(message_id, None)
+        elif interval_us == 0:
+            if message_id in telemetry.STREAMS:
+                self._intervals[message_id] = telemetry.STREAMS[message_id]
+            else:
+                self._intervals.pop(message_id, None)
+        else:
+            self._intervals[message_id] = max(SHORTEST_INTERVAL_S, interval_us * 1e-6)
+        self._due.pop(message_id, None)
+        self._next_due_s = 0.0
+        return int(mavlink.MAV_RESULT_ACCEPTED)
+
+    def _do_get_interval(self, message: Message, peer: Peer, place: tuple[float, float]) -> int:
+        message_id = int(message.param1)
+        interval_s = self._intervals.get(message_id)
+        known = message_id in telemetry.BUILDERS
+        interval_us = round(interval_s * 1e6) if interval_s else (-1 if known else 0)
+        self._send(mavlink.MAVLink_message_interval_message(message_id, interval_us), peer.link)
+        return int(mavlink.MAV_RESULT_ACCEPTED)
+
+    def _do_set_home(self, message: Message, peer: Peer, place: tuple[float, float]) -> int:
+        if message.param1 == 1:
+            place = (self.boat.lat, self.boat.lon)
+        elif not (abs(place[0]) <= 90 and abs(place[1]) <= 180) or place == (0.0, 0.0):
+            return int(mavlink.MAV_RESULT_DENIED)
+        self.autopilot.set_home(*place)
+        return int(mavlink.MAV_RESULT_ACCEPTED)
+
+    def _do_get_home(self, message: Message, peer: Peer, place: tuple[float, float]) -> int:
+        built = telemetry.home_position(self)
+        if built is None:
+            return int(mavlink.MAV_RESULT_FAILED)
+        self._send(built, peer.link)
+        return int(mavlink.MAV_RESULT_ACCEPTED)
+
+    def _do_change_speed(self, message: Message, peer: Peer, place: tuple[float, float]) -> int:
+        return _accepted(self.autopilot.set_speed(message.param2))
+
+    def _do_return(self, message: Message, peer: Peer, place: tuple[float, float]) -> int:
+        return _accepted(self.autopilot.set_mode(Mode.RTL))
+
+    def _do_loiter(self, message: Message, peer: Peer, place: tuple[float, float]) -> int:
+        return _accepted(self.autopilot.set_mode(Mode.LOITER))
+
+    def _do_reposition(self, message: Message, peer: Peer, place: tuple[float, float]) -> int:
+        if not (math.isfinite(place[0]) and abs(place[0]) <= 90 and abs(place[1]) <= 180):
+            return int(mavlink.MAV_RESULT_DENIED)
+        if not int(message.param2) & 1 and self.autopilot.mode is not Mode.GUIDED:
+            return int(mavlink.MAV_RESULT_DENIED)
+        if not self.autopilot.set_mode(Mode.GUIDED):
+            return int(mavlink.MAV_RESULT_DENIED)
+        return _accepted(self.autopilot.go_to(*place))
+
+    def _do_fence_enable(self, message: Message, peer: Peer, place: tuple[float, float]) -> int:
+        if message.param1 not in (0, 1):
+            return int(mavlink.MAV_RESULT_FAILED)
+        self.parameters.put("FENCE_ENABLE", float(message.param1))
+        return int(mavlink.MAV_RESULT_ACCEPTED)
+
+    def _do_reboot(self, message: Message, peer: Peer, place: tuple[float, float]) -> int:
+        if message.param1 != 1 or self.autopilot.armed:
+            return int(mavlink.MAV_RESULT_FAILED)
+        self.reboot()
+        return int(mavlink.MAV_RESULT_ACCEPTED)
+
+
+def _accepted(done: bool) -> int:
+    return int(mavlink.MAV_RESULT_ACCEPTED if done else mavlink.MAV_RESULT_FAILED)
+
+
+def _text(value: str | bytes) -> str:
+    text = value.decode("ascii", "replace") if isinstance(value, bytes) else value
+    return text.split("\0", 1)[0]
+
+
+_Handler = Callable[[SimVehicle, Message, Peer], None]
+_HANDLERS: dict[int, _Handler] = {
+    mavlink.MAVLINK_MSG_ID_PING: SimVehicle._on_ping,
+    mavlink.MAVLINK_MSG_ID_TIMESYNC: SimVehicle._on_timesync,
+    mavlink.MAVLINK_MSG_ID_SET_MODE: SimVehicle._on_set_mode,
+    mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_GLOBAL_INT: SimVehicle._on_set_position_target,
+    mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_LIST: SimVehicle._on_param_request_list,
+    mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_READ: SimVehicle._on_param_request_read,
+    mavlink.MAVLINK_MSG_ID_PARAM_SET: SimVehicle._on_param_set,
+    mavlink.MAVLINK_MSG_ID_MISSION_COUNT: SimVehicle._on_mission,
+    mavlink.MAVLINK_MSG_ID_MISSION_WRITE_PARTIAL_LIST: SimVehicle._on_mission,
+    mavlink.MAVLINK_MSG_ID_MISSION_CLEAR_ALL: SimVehicle._on_mission,
+    mavlink.MAVLINK_MSG_ID_MISSION_REQUEST_LIST: SimVehicle._on_mission,
+    mavlink.MAVLINK_MSG_ID_MISSION_REQUEST_INT: SimVehicle._on_mission,
+    mavlink.MAVLINK_MSG_ID_MISSION_REQUEST: SimVehicle._on_mission,
+    mavlink.MAVLINK_MSG_ID_MISSION_ITEM_INT: SimVehicle._on_mission_item,
+    mavlink.MAVLINK_MSG_ID_MISSION_ITEM: SimVehicle._on_mission_item,
+    mavlink.MAVLINK_MSG_ID_MISSION_SET_CURRENT: SimVehicle._on_mission_set_current,
+    mavlink.MAVLINK_MSG_ID_COMMAND_LONG: SimVehicle._on_command,
+    mavlink.MAVLINK_MSG_ID_COMMAND_INT: SimVehicle._on_command,
+}
+_Command = Callable[[SimVehicle, Message, Peer, tuple[float, float]], int]
+_COMMANDS: dict[int, _Command] = {
+    mavlink.MAV_CMD_COMPONENT_ARM_DISARM: SimVehicle._do_arm,
+    mavlink.MAV_CMD_DO_SET_MODE: SimVehicle._do_set_mode,
+    mavlink.MAV_CMD_MISSION_START: SimVehicle._do_mission_start,
+    mavlink.MAV_CMD_DO_SET_MISSION_CURRENT: SimVehicle._do_set_current,
+    mavlink.MAV_CMD_REQUEST_MESSAGE: SimVehicle._do_request_message,
+    mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: SimVehicle._do_capabilities,
+    mavlink.MAV_CMD_SET_MESSAGE_INTERVAL: SimVehicle._do_set_interval,
+    mavlink.MAV_CMD_GET_MESSAGE_INTERVAL: SimVehicle._do_get_interval,
+    mavlink.MAV_CMD_DO_SET_HOME: SimVehicle._do_set_home,
+    mavlink.MAV_CMD_GET_HOME_POSITION: SimVehicle._do_get_home,
+    mavlink.MAV_CMD_DO_CHANGE_SPEED: SimVehicle._do_change_speed,
+    mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: SimVehicle._do_return,
+    mavlink.MAV_CMD_NAV_LOITER_UNLIM: SimVehicle._do_loiter,
+    mavlink.MAV_CMD_DO_REPOSITION: SimVehicle._do_reposition,
+    mavlink.MAV_CMD_DO_FENCE_ENABLE: SimVehicle._do_fence_enable,
+    mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN: SimVehicle._do_reboot,
+}
