@@ -30,12 +30,17 @@ edges near cell c (c = column * rows + row); leap: chessboard distance to the ne
 inside: is the cell's centre in the water; shrunk, shore: (n, 4) edges x1, y1, x2, y2.
 """
 
-Graph: TypeAlias = tuple[Float, Float, Float, Float, Int, Int, Float]
-"""``(node, before, after, land, start, neighbour, length)``.
+Graph: TypeAlias = tuple[Float, Float, Float, Float, Float, Int, Int, Float, Float]
+"""``(node, before, after, land, block, start, neighbour, hug, length)``.
 
 node: (n, 2) land corners; before, after: their neighbours on the ring; land: unit vector into the
-land; CSR of the tangent edges.
+land; block: bounds of runs of corners. Slot ``2 v`` are the legs from corner v that have the land
+on their right, ``2 v + 1`` on their left: ``neighbour[start[slot]:start[slot + 1]]``, sorted by
+hug, minus the cosine between the leg and the land.
 """
+
+BLOCK = 6
+FEW_SOURCES = 8
 
 
 @njit(cache=True, inline="always")
@@ -295,72 +300,62 @@ def _tangent(
     return not ((before > slack and after < -slack) or (before < -slack and after > slack))
 
 
-@njit(cache=True)
-def build_graph(grid: Grid, node: Float, before: Float, after: Float) -> tuple[Int, Int, Float]:
-    """Return the tangent visibility graph of the land corners as CSR."""
-    n = len(node)
-    room = 16 * n + 16
-    tail = np.empty(room, np.int32)
-    head = np.empty(room, np.int32)
-    count = 0
-    degree = np.zeros(n + 1, np.int32)
-    for i in range(n):
-        x, y = node[i, 0], node[i, 1]
-        bx, by, ax, ay = before[i, 0] - x, before[i, 1] - y, after[i, 0] - x, after[i, 1] - y
-        for j in range(i + 1, n):
-            dx, dy = node[j, 0] - x, node[j, 1] - y
-            slack = 1e-6 * (abs(dx) + abs(dy))
-            s1 = dx * by - dy * bx
-            s2 = dx * ay - dy * ax
-            if (s1 > slack and s2 < -slack) or (s1 < -slack and s2 > slack):
-                continue
-            if not _tangent(
-                node[j, 0], node[j, 1], before[j, 0], before[j, 1], after[j, 0], after[j, 1], x, y
-            ):
-                continue
-            if not _clear(grid, x, y, node[j, 0], node[j, 1]):
-                continue
-            if count == room:
-                room *= 2
-                bigger = np.empty(room, np.int32)
-                bigger[:count] = tail
-                tail = bigger
-                bigger = np.empty(room, np.int32)
-                bigger[:count] = head
-                head = bigger
-            tail[count] = i
-            head[count] = j
-            count += 1
-            degree[i] += 1
-            degree[j] += 1
-    start = np.zeros(n + 1, np.int32)
-    for i in range(n):
-        start[i + 1] = start[i] + degree[i]
-    fill = start[:-1].copy()
-    neighbour = np.empty(2 * count, np.int32)
-    length = np.empty(2 * count)
-    for k in range(count):
-        i, j = tail[k], head[k]
-        d = math.hypot(node[j, 0] - node[i, 0], node[j, 1] - node[i, 1])
-        neighbour[fill[i]], length[fill[i]] = j, d
-        neighbour[fill[j]], length[fill[j]] = i, d
-        fill[i] += 1
-        fill[j] += 1
-    return start, neighbour, length
-
-
 @njit(cache=True, inline="always")
-def _taut(inx: float, iny: float, outx: float, outy: float, mx: float, my: float) -> bool:
-    """Return False where the way in and out would not hug the land that lies towards m."""
-    turn = inx * outy - iny * outx
-    scale = 1e-9 * (abs(inx) + abs(iny))
-    if abs(turn) <= scale * (abs(outx) + abs(outy)):
-        return True
-    land_in = inx * my - iny * mx
-    land_out = outx * my - outy * mx
-    if turn < 0.0:
-        return land_in <= scale and land_out <= 1e-9 * (abs(outx) + abs(outy))
-    return land_in >= -scale and land_out >= -1e-9 * (abs(outx) + abs(outy))
+def _none_tangent(block: Float, k: int, px: float, py: float) -> bool:
+    """Return True where no line from p grazes any corner of block k (never True by mistake).
+
+    All edges at the block's corners point within an angle of the mean direction, and all corners
+    lie in a disc. Where p lies on one side of every such edge, every corner is merely passed.
+    """
+    dx, dy = block[k, 0] - px, block[k, 1] - py
+    radius, sine, cosine = block[k, 2], block[k, 5], block[k, 6]
+    away = dx * dx + dy * dy
+    if cosine <= 0.0 or away * cosine * cosine <= radius * radius:
+        return False
+    side = abs(dx * block[k, 4] - dy * block[k, 3])
+    return side > sine * math.sqrt(away - radius * radius) + cosine * radius
+
+
+@njit(cache=True)
+def _blocks(node: Float, before: Float, after: Float) -> Float:
+    """Return centre, radius, mean edge direction, sine and cosine of its spread, per block."""
+    n = len(node)
+    count = (n + BLOCK - 1) // BLOCK
+    block = np.zeros((count, 7))
+    for k in range(count):
+        low, high = k * BLOCK, min(n, (k + 1) * BLOCK)
+        x_min = y_min = math.inf
+        x_max = y_max = -math.inf
+        sum_x = sum_y = 0.0
+        for v in range(low, high):
+            x_min, x_max = min(x_min, node[v, 0]), max(x_max, node[v, 0])
+            y_min, y_max = min(y_min, node[v, 1]), max(y_max, node[v, 1])
+            for x1, y1, x2, y2 in (
+                (before[v, 0], before[v, 1], node[v, 0], node[v, 1]),
+                (node[v, 0], node[v, 1], after[v, 0], after[v, 1]),
+            ):
+                size = math.hypot(x2 - x1, y2 - y1)
+                sum_x += (x2 - x1) / size
+                sum_y += (y2 - y1) / size
+        block[k, 0], block[k, 1] = 0.5 * (x_min + x_max), 0.5 * (y_min + y_max)
+        block[k, 2] = 0.5 * math.hypot(x_max - x_min, y_max - y_min) * 1.000001 + 1e-5
+        size = math.hypot(sum_x, sum_y)
+        if size < 1e-6:
+            continue
+        sum_x, sum_y = sum_x / size, sum_y / size
+        spread = 1.0
+        for v in range(low, high):
+            for x1, y1, x2, y2 in (
+                (before[v, 0], before[v, 1], node[v, 0], node[v, 1]),
+                (node[v, 0], node[v, 1], after[v, 0], after[v, 1]),
+            ):
+                size = math.hypot(x2 - x1, y2 - y1)
+                spread = min(spread, (sum_x * (x2 - x1) + sum_y * (y2 - y1)) / size)
+        # Some slack, so that rounding never hides a corner.
+        angle = math.acos(min(1.0, max(-1.0, spread))) + 1e-3
+        block[k, 3], block[k, 4] = sum_x, sum_y
+        block[k, 5], block[k, 6] = math.sin(angle), math.cos(angle)
+    return block
 
 
 @njit(cache=True)
@@ -404,6 +399,102 @@ def _pop(key: Float, what: Int, count: int) -> int:
 
 
 @njit(cache=True)
+def build_graph(grid: Grid, node: Float, before: Float, after: Float, land: Float) -> Graph:
+    """Return the tangent visibility graph of the land corners."""
+    n = len(node)
+    block = _blocks(node, before, after)
+    room = 16 * n + 16
+    tail = np.empty(room, np.int32)
+    head = np.empty(room, np.int32)
+    count = 0
+    start = np.zeros(2 * n + 1, np.int32)
+    for i in range(n):
+        x, y = node[i, 0], node[i, 1]
+        bx, by, ax, ay = before[i, 0] - x, before[i, 1] - y, after[i, 0] - x, after[i, 1] - y
+        b_size, a_size = math.hypot(bx, by), math.hypot(ax, ay)
+        for k in range(i // BLOCK, len(block)):
+            cx, cy, radius = block[k, 0] - x, block[k, 1] - y, block[k, 2]
+            s1 = cx * by - cy * bx
+            s2 = cx * ay - cy * ax
+            r1, r2 = radius * b_size, radius * a_size
+            if (s1 > r1 and s2 < -r2) or (s1 < -r1 and s2 > r2):
+                continue
+            if _none_tangent(block, k, x, y):
+                continue
+            for j in range(max(i + 1, k * BLOCK), min(n, (k + 1) * BLOCK)):
+                qx, qy = node[j, 0], node[j, 1]
+                if (
+                    (qx == x and qy == y)
+                    or not _tangent(
+                        qx, qy, before[j, 0], before[j, 1], after[j, 0], after[j, 1], x, y
+                    )
+                    or not _tangent(x, y, x + bx, y + by, x + ax, y + ay, qx, qy)
+                    or not _clear(grid, x, y, qx, qy)
+                ):
+                    continue
+                if count == room:
+                    room *= 2
+                    bigger = np.empty(room, np.int32)
+                    bigger[:count] = tail
+                    tail = bigger
+                    bigger = np.empty(room, np.int32)
+                    bigger[:count] = head
+                    head = bigger
+                tail[count] = i
+                head[count] = j
+                count += 1
+                left = land[i, 0] * (qy - y) - land[i, 1] * (qx - x) < 0.0
+                start[2 * i + left + 1] += 1
+                left = land[j, 0] * (y - qy) - land[j, 1] * (x - qx) < 0.0
+                start[2 * j + left + 1] += 1
+    for i in range(2 * n):
+        start[i + 1] += start[i]
+    fill = start[:-1].copy()
+    neighbour = np.empty(2 * count, np.int32)
+    hug = np.empty(2 * count)
+    length = np.empty(2 * count)
+    for k in range(2 * count):
+        if k < count:
+            i, j = tail[k], head[k]
+        else:
+            i, j = head[k - count], tail[k - count]
+        dx, dy = node[j, 0] - node[i, 0], node[j, 1] - node[i, 1]
+        slot = 2 * i + (land[i, 0] * dy - land[i, 1] * dx < 0.0)
+        neighbour[fill[slot]] = j
+        hug[fill[slot]] = -(dx * land[i, 0] + dy * land[i, 1]) / math.hypot(dx, dy)
+        fill[slot] += 1
+    # Each side's legs, those first that hug the land most.
+    key = np.empty(64)
+    what = np.empty(64, np.int32)
+    for slot in range(2 * n):
+        many = 0
+        for k in range(start[slot], start[slot + 1]):
+            key, what, many = _push(key, what, many, hug[k], neighbour[k])
+        i = slot // 2
+        for k in range(start[slot], start[slot + 1]):
+            hug[k], j = key[0], what[0]
+            many = _pop(key, what, many)
+            neighbour[k] = j
+            length[k] = math.hypot(node[j, 0] - node[i, 0], node[j, 1] - node[i, 1])
+    return node, before, after, land, block, start, neighbour, hug, length
+
+
+@njit(cache=True, inline="always")
+def _onward(land: Float, v: int, inx: float, iny: float) -> tuple[int, float]:
+    """Return the slot of the legs on which a taut path that came by (inx, iny) may go on.
+
+    A taut path turns towards the land it hugs: on the same side of it, and to a leg that hugs it
+    more than the straight continuation does, which is the second value returned. A path that starts
+    at the corner may go anywhere: slot -1.
+    """
+    slot = 2 * v + (land[v, 0] * iny - land[v, 1] * inx < 0.0)
+    size = math.hypot(inx, iny)
+    if size < 1e-6:
+        return -1, 2.0
+    return slot, 1e-9 - (inx * land[v, 0] + iny * land[v, 1]) / size
+
+
+@njit(cache=True)
 def pair_paths(grid: Grid, graph: Graph, a: Float, b: Float, top: float) -> tuple[Float, Int, Int]:
     """Return the lengths and the corners of the shortest paths from ``a[i]`` to ``b[i]``.
 
@@ -411,7 +502,7 @@ def pair_paths(grid: Grid, graph: Graph, a: Float, b: Float, top: float) -> tupl
     path. Whether a corner is seen from a or b is tested only when the search gets to it. `top` is
     longer than any path.
     """
-    node, before, after, land, start, neighbour, length = graph
+    node, before, after, land, block, start, neighbour, hug, length = graph
     n = len(node)
     out = np.empty(len(a))
     bends_start = np.zeros(len(a) + 1, np.int32)
@@ -439,15 +530,20 @@ def pair_paths(grid: Grid, graph: Graph, a: Float, b: Float, top: float) -> tupl
             count = 0
             half = 0.5 * limit
             mx, my = 0.5 * (ax + bx), 0.5 * (ay + by)
-            for v in range(n):
-                x, y = node[v, 0], node[v, 1]
-                if abs(x - mx) > half or abs(y - my) > half:
-                    continue
-                f = math.hypot(x - ax, y - ay) + math.hypot(x - bx, y - by)
-                if f <= limit and _tangent(
-                    x, y, before[v, 0], before[v, 1], after[v, 0], after[v, 1], ax, ay
+            for u in range(len(block)):
+                if (
+                    abs(block[u, 0] - mx) > half + block[u, 2]
+                    or abs(block[u, 1] - my) > half + block[u, 2]
+                    or _none_tangent(block, u, ax, ay)
                 ):
-                    key, what, count = _push(key, what, count, f, -1 - v)
+                    continue
+                for v in range(u * BLOCK, min(n, (u + 1) * BLOCK)):
+                    x, y = node[v, 0], node[v, 1]
+                    f = math.hypot(x - ax, y - ay) + math.hypot(x - bx, y - by)
+                    if f <= limit and _tangent(
+                        x, y, before[v, 0], before[v, 1], after[v, 0], after[v, 1], ax, ay
+                    ):
+                        key, what, count = _push(key, what, count, f, -1 - v)
             while count > 0:
                 f = key[0]
                 v = what[0]
@@ -476,7 +572,12 @@ def pair_paths(grid: Grid, graph: Graph, a: Float, b: Float, top: float) -> tupl
                     inx, iny = x - ax, y - ay
                 else:
                     inx, iny = x - node[back[v], 0], y - node[back[v], 1]
-                for k in range(start[v], start[v + 1]):
+                slot, widest = _onward(land, v, inx, iny)
+                first = start[2 * v] if slot < 0 else start[slot]
+                stop = start[2 * v + 2] if slot < 0 else start[slot + 1]
+                for k in range(first, stop):
+                    if hug[k] > widest:
+                        break
                     w = neighbour[k]
                     if done[w] == now:
                         continue
@@ -485,8 +586,6 @@ def pair_paths(grid: Grid, graph: Graph, a: Float, b: Float, top: float) -> tupl
                         continue
                     f = reached + math.hypot(node[w, 0] - bx, node[w, 1] - by)
                     if f > limit:
-                        continue
-                    if not _taut(inx, iny, node[w, 0] - x, node[w, 1] - y, land[v, 0], land[v, 1]):
                         continue
                     label[w] = reached
                     back[w] = v
@@ -519,7 +618,7 @@ def _seen_corners(
     grid: Grid, graph: Graph, points: Float
 ) -> tuple[npt.NDArray[np.int64], Int, Float]:
     """Return, as CSR, the corners that each point sees at a tangent, and how far they are."""
-    node, before, after = graph[0], graph[1], graph[2]
+    node, before, after, block = graph[0], graph[1], graph[2], graph[4]
     n = len(node)
     start = np.zeros(len(points) + 1, np.int64)
     corner = np.empty(16 * len(points) + 16, np.int32)
@@ -527,11 +626,15 @@ def _seen_corners(
     count = 0
     for p in range(len(points)):
         px, py = points[p, 0], points[p, 1]
-        for v in range(n):
-            x, y = node[v, 0], node[v, 1]
-            if _tangent(
-                x, y, before[v, 0], before[v, 1], after[v, 0], after[v, 1], px, py
-            ) and _clear(grid, px, py, x, y):
+        for u in range(len(block)):
+            if _none_tangent(block, u, px, py):
+                continue
+            for v in range(u * BLOCK, min(n, (u + 1) * BLOCK)):
+                x, y = node[v, 0], node[v, 1]
+                if not _tangent(
+                    x, y, before[v, 0], before[v, 1], after[v, 0], after[v, 1], px, py
+                ) or not _clear(grid, px, py, x, y):
+                    continue
                 if count == len(corner):
                     bigger = np.empty(2 * count, np.int32)
                     bigger[:count] = corner
@@ -551,19 +654,26 @@ def many_distances(
     grid: Grid, graph: Graph, sources: Float, targets: Float, symmetric: bool
 ) -> Float:
     """Return the (s, t) lengths of the shortest paths; `symmetric`: targets are the sources."""
-    node, _, _, land, start, neighbour, length = graph
+    node, before, after, land, block, start, neighbour, hug, length = graph
     n = len(node)
     s_start, s_corner, s_away = _seen_corners(grid, graph, sources)
+    # Many sources: see once which corners each target sees. Few: look for the last corner of each
+    # path among those that would make it short, and test that one only.
+    listed = symmetric or len(sources) > FEW_SOURCES
     if symmetric:
         t_start, t_corner, t_away = s_start, s_corner, s_away
-    else:
+    elif listed:
         t_start, t_corner, t_away = _seen_corners(grid, graph, targets)
+    else:
+        t_start, t_corner, t_away = s_start[:1], s_corner[:0], s_away[:0]
     out = np.empty((len(sources), len(targets)))
     label = np.empty(n)
     back = np.empty(n, np.int32)
     done = np.empty(n, np.uint8)
     key = np.empty(64)
     what = np.empty(64, np.int32)
+    guess = np.empty(n)
+    guessed = np.empty(n, np.int32)
     for s in range(len(sources)):
         sx, sy = sources[s, 0], sources[s, 1]
         label[:] = math.inf
@@ -585,12 +695,15 @@ def many_distances(
                 inx, iny = x - sx, y - sy
             else:
                 inx, iny = x - node[back[v], 0], y - node[back[v], 1]
-            for k in range(start[v], start[v + 1]):
+            slot, widest = _onward(land, v, inx, iny)
+            first = start[2 * v] if slot < 0 else start[slot]
+            stop = start[2 * v + 2] if slot < 0 else start[slot + 1]
+            for k in range(first, stop):
+                if hug[k] > widest:
+                    break
                 w = neighbour[k]
                 reached = label[v] + length[k]
-                if reached < label[w] and _taut(
-                    inx, iny, node[w, 0] - x, node[w, 1] - y, land[v, 0], land[v, 1]
-                ):
+                if reached < label[w]:
                     label[w] = reached
                     back[w] = v
                     key, what, count = _push(key, what, count, reached, w)
@@ -598,13 +711,48 @@ def many_distances(
             if symmetric and t <= s:
                 out[s, t] = out[t, s] if t < s else 0.0
                 continue
-            straight = math.hypot(targets[t, 0] - sx, targets[t, 1] - sy)
+            tx, ty = targets[t, 0], targets[t, 1]
+            straight = math.hypot(tx - sx, ty - sy)
             best = math.inf
-            for k in range(t_start[t], t_start[t + 1]):
-                best = min(best, label[t_corner[k]] + t_away[k])
-            if straight < best and (
-                straight == 0.0 or _clear(grid, sx, sy, targets[t, 0], targets[t, 1])
-            ):
+            if listed:
+                for k in range(t_start[t], t_start[t + 1]):
+                    best = min(best, label[t_corner[k]] + t_away[k])
+                if straight < best and (straight == 0.0 or _clear(grid, sx, sy, tx, ty)):
+                    best = straight
+            elif straight == 0.0 or _clear(grid, sx, sy, tx, ty):
                 best = straight
+            else:
+                many = 0
+                for u in range(len(block)):
+                    if _none_tangent(block, u, tx, ty):
+                        continue
+                    for v in range(u * BLOCK, min(n, (u + 1) * BLOCK)):
+                        x, y = node[v, 0], node[v, 1]
+                        if label[v] == math.inf or not _tangent(
+                            x, y, before[v, 0], before[v, 1], after[v, 0], after[v, 1], tx, ty
+                        ):
+                            continue
+                        if back[v] < 0:
+                            inx, iny = x - sx, y - sy
+                        else:
+                            inx, iny = x - node[back[v], 0], y - node[back[v], 1]
+                        slot, widest = _onward(land, v, inx, iny)
+                        side, least = _onward(land, v, tx - x, ty - y)
+                        if slot >= 0 and side >= 0 and (slot != side or least > widest + 1e-9):
+                            continue
+                        guess[many] = label[v] + math.hypot(x - tx, y - ty)
+                        guessed[many] = v
+                        many += 1
+                while many > 0:
+                    low = 0
+                    for k in range(1, many):
+                        if guess[k] < guess[low]:
+                            low = k
+                    v = guessed[low]
+                    if _clear(grid, node[v, 0], node[v, 1], tx, ty):
+                        best = guess[low]
+                        break
+                    many -= 1
+                    guess[low], guessed[low] = guess[many], guessed[many]
             out[s, t] = best
     return out

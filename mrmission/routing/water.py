@@ -68,9 +68,8 @@ class WaterRouter:
         node = np.ascontiguousarray(xy[reflex])
         ring_before = np.ascontiguousarray(xy[before[reflex]])
         ring_after = np.ascontiguousarray(xy[after[reflex]])
-        start, neighbour, length = kernels.build_graph(self._grid, node, ring_before, ring_after)
         land = np.ascontiguousarray(into_land[reflex])
-        self._graph = (node, ring_before, ring_after, land, start, neighbour, length)
+        self._graph = kernels.build_graph(self._grid, node, ring_before, ring_after, land)
         # No shortest path uses a corner twice, and every leg is shorter than the diagonal.
         self._top_m = 2.0 * extent * (len(node) + 2)
 
@@ -82,7 +81,7 @@ class WaterRouter:
     @property
     def edge_count(self) -> int:
         """Number of tangent legs between land corners."""
-        return len(self._graph[5]) // 2
+        return len(self._graph[6]) // 2
 
     def visible(self, a_m: FloatArray, b_m: FloatArray) -> BoolArray:
         """Return whether the straight legs from `a_m` to `b_m` stay in the water.
