@@ -2,7 +2,10 @@
 
 Why one MAVSDK object per link: in one object, two vehicles with one system id on two links melt
 into one system, and nobody can tell them apart any more. With an object each, they are seen, and
-refused.
+refused. Why not more than `MAX_OBJECTS` of them: each takes one of the 16 MAVLink channels of the
+process, and from about the twentieth on MAVSDK 4.1 writes past that table and the process dies on
+a corrupted heap. Above that, links share objects, and who speaks on which link is heard
+beforehand, on a plain socket.
 
 Why callbacks instead of ``mavsdk.asyncio``'s plugin classes: those block one thread of the event
 loop's default executor per call. That executor has (cores + 4) threads, so that on two cores only
@@ -36,6 +39,9 @@ MISSION_ACCEPTED = 0
 MISSION_ITEM_BYTES = 15
 MISSION_HEADER_BYTES = 4
 SD_FENCE_POLYGON_POINTS = 255
+
+MAX_OBJECTS = 12
+"""MAVSDK objects at a time, see above."""
 
 _POLL_S = 0.05
 _LISTENED = ("HEARTBEAT", "STATUSTEXT", "MISSION_COUNT", "MISSION_ACK", "PARAM_VALUE")
@@ -479,10 +485,21 @@ class FleetLinks:
 
 
 @dataclass(slots=True)
+class _Group:
+    """One MAVSDK object and the systems it has found."""
+
+    mavsdk: Any = None
+    found: dict[int, Vehicle] = field(default_factory=dict)
+
+
+@dataclass(slots=True)
 class _Open:
     connection: Connection
-    mavsdk: Any = None
+    group: _Group
+    alone: bool
     reason: str = ""
+    opened: bool = False
+    heard: frozenset[int] = frozenset()
     found: dict[int, Vehicle] = field(default_factory=dict)
 
 
@@ -519,7 +536,15 @@ async def open_links(
     VehicleError
         When two vehicles have one system id. Nothing has been sent then.
     """
-    opened = [_Open(connection=connection) for connection in connections]
+    groups = [_Group() for _ in range(min(MAX_OBJECTS, len(connections)))]
+    opened = [
+        _Open(
+            connection=connection,
+            group=groups[index % len(groups)],
+            alone=len(connections) <= len(groups),
+        )
+        for index, connection in enumerate(connections)
+    ]
     try:
         await _discover(opened, expected=expected, timeouts=timeouts, patient=patient)
         yield FleetLinks(
@@ -529,8 +554,8 @@ async def open_links(
     finally:
         loop = asyncio.get_running_loop()
         # Destroying joins MAVSDK's threads, which may be waiting to hand a message to this loop.
-        with_objects = [link.mavsdk for link in opened if link.mavsdk is not None]
-        await asyncio.gather(*(loop.run_in_executor(None, m.destroy) for m in with_objects))
+        objects = [group.mavsdk for group in groups if group.mavsdk is not None]
+        await asyncio.gather(*(loop.run_in_executor(None, m.destroy) for m in objects))
 
 
 async def _discover(
@@ -544,7 +569,7 @@ async def _discover(
         while True:
             still_opening = not all(task.done() for task in opening)
             for link in opened:
-                await _collect(link, timeouts)
+                await _collect(link, opened, timeouts)
             usable = [link for link in opened if not link.reason]
             if not still_opening and not usable:
                 return
@@ -576,42 +601,93 @@ async def _open(link: _Open, timeouts: LinkTimeouts, *, patient: bool) -> None:
     connection = link.connection
     if connection.answers_probe:
         # To MAVSDK a closed TCP port is a connection that it retries for ever.
-        refused = await _probe(connection, timeouts, patient=patient)
-        if refused:
-            link.reason = refused
+        link.reason, link.heard = await _probe(
+            connection, timeouts, patient=patient, listen=not link.alone
+        )
+        if link.reason:
             return
     _quiet_mavsdk()
     from mavsdk.asyncio import Configuration, Mavsdk
     from mavsdk.exceptions import MavsdkError
 
-    mavsdk = Mavsdk(Configuration.create_manual(GCS_SYSTEM_ID, GCS_COMPONENT_ID, True))
-    link.mavsdk = mavsdk
+    group = link.group
+    if group.mavsdk is None:
+        configuration = Configuration.create_manual(GCS_SYSTEM_ID, GCS_COMPONENT_ID, True)
+        group.mavsdk = Mavsdk(configuration)
     try:
-        await mavsdk.add_any_connection(connection.url)
+        await group.mavsdk.add_any_connection(connection.url)
     except MavsdkError as error:
         link.reason = f"cannot be opened: {error}"
+    else:
+        link.opened = True
 
 
-async def _probe(connection: Connection, timeouts: LinkTimeouts, *, patient: bool) -> str:
-    """Return why nothing listens at a TCP port, or an empty string."""
+async def _probe(
+    connection: Connection, timeouts: LinkTimeouts, *, patient: bool, listen: bool
+) -> tuple[str, frozenset[int]]:
+    """Return why nothing listens at a TCP port, or an empty string, and which systems speak there.
+
+    The systems are listened for only on demand: it takes a heartbeat's time.
+    """
     loop = asyncio.get_running_loop()
     deadline = loop.time() + (timeouts.retry_probe_s if patient else 0.0)
     while True:
         try:
-            _, writer = await asyncio.wait_for(
+            reader, writer = await asyncio.wait_for(
                 asyncio.open_connection(connection.host.strip("[]"), connection.port),
                 timeouts.probe_s,
             )
         except (OSError, TimeoutError) as error:
             reason = "no answer" if isinstance(error, TimeoutError) else _os_reason(error)
         else:
+            data = b""
+            with contextlib.suppress(OSError, TimeoutError):
+                async with asyncio.timeout(timeouts.settle_s if listen else 0.0):
+                    while listen and not heartbeat_ids(data):
+                        chunk = await reader.read(4096)
+                        if not chunk:
+                            break
+                        data += chunk
             writer.close()
             with contextlib.suppress(OSError):
                 await writer.wait_closed()
-            return ""
+            return "", heartbeat_ids(data)
         if loop.time() >= deadline:
-            return reason
+            return reason, frozenset()
         await asyncio.sleep(0.25)
+
+
+def heartbeat_ids(data: bytes) -> frozenset[int]:
+    """Return the system ids of the autopilots whose heartbeats are in a piece of MAVLink stream.
+
+    Parameters
+    ----------
+    data
+        Bytes from the start of a packet on; MAVLink 1 or 2.
+
+    Examples
+    --------
+    >>> sorted(heartbeat_ids(bytes([0xFE, 9, 0, 7, 1, 0]) + bytes(11)))
+    [7]
+    """
+    out: set[int] = set()
+    at = 0
+    while at + 10 <= len(data):
+        size = data[at + 1]
+        if data[at] == 0xFE:
+            system, component, message = data[at + 3], data[at + 4], data[at + 5]
+            length = size + 8
+        elif data[at] == 0xFD:
+            system, component = data[at + 5], data[at + 6]
+            message = int.from_bytes(data[at + 7 : at + 10], "little")
+            length = size + 12 + (13 if data[at + 2] & 1 else 0)
+        else:
+            at += 1
+            continue
+        if at + length <= len(data) and message == 0 and component == AUTOPILOT_COMPONENT_ID:
+            out.add(system)
+        at += length
+    return frozenset(out)
 
 
 def _os_reason(error: OSError) -> str:
@@ -620,14 +696,23 @@ def _os_reason(error: OSError) -> str:
     return error.strerror or str(error)
 
 
-async def _collect(link: _Open, timeouts: LinkTimeouts) -> None:
+async def _collect(link: _Open, links: Sequence[_Open], timeouts: LinkTimeouts) -> None:
     """Add the autopilots that MAVSDK has discovered on `link` since the last look."""
-    if link.mavsdk is None or await link.mavsdk.system_count() <= len(link.found):
+    group = link.group
+    if not link.opened or await group.mavsdk.system_count() <= len(group.found):
         return
-    for system in await link.mavsdk.get_systems():
+    for system in await group.mavsdk.get_systems():
         system_id = int(await system.get_system_id())
-        if system_id not in link.found and await system.has_autopilot():
-            link.found[system_id] = Vehicle(system, system_id, link.connection, timeouts)
+        if system_id in group.found or not await system.has_autopilot():
+            continue
+        sharing = [other for other in links if other.group is group and other.opened]
+        home = next(
+            (other for other in sharing if system_id in other.heard),
+            # Nobody was heard with this id: a link on which nobody was heard at all.
+            next((other for other in sharing if not other.heard), link),
+        )
+        vehicle = Vehicle(system, system_id, home.connection, timeouts)
+        group.found[system_id] = home.found[system_id] = vehicle
 
 
 async def _unique(opened: Sequence[_Open]) -> dict[int, Vehicle]:
@@ -639,7 +724,12 @@ async def _unique(opened: Sequence[_Open]) -> dict[int, Vehicle]:
         When two have the same.
     """
     vehicles: dict[int, Vehicle] = {}
+    speakers: dict[int, Connection] = {}
     for link in opened:
+        for system_id in link.heard:
+            if system_id in speakers:
+                raise _same_id(system_id, speakers[system_id], link.connection)
+            speakers[system_id] = link.connection
         for system_id, vehicle in link.found.items():
             if system_id in vehicles:
                 raise _same_id(system_id, vehicles[system_id].connection, link.connection)
