@@ -65,6 +65,19 @@ def test_vertices_and_edges_on_the_lines_are_half_open() -> None:
     assert rows_of(slices_of_polygon(spike, 1.0, 1.0, (0.0, 0.0), 4, 3)) == [(0, 0, 2), (1, 0, 1)]
 
 
+def test_slopes_without_finite_binary_meet_centres_exactly() -> None:
+    # The edge rises 2 k in 2 n columns, so it meets the centre of cell (n, k); k / n is rounded.
+    for n in range(3, 60):
+        for k in (1, 5, 7, 11):
+            low, high, far = 0.5, 2 * k + 0.5, 2 * n + 0.5
+            above = shapely.Polygon([(low, low), (far, high), (low, high)])
+            below = shapely.Polygon([(low, low), (far, low), (far, high)])
+            size = (1.0, 1.0, (0.0, 0.0), 2 * n + 1, 2 * k + 1)
+            assert rows_of(slices_of_polygon(above, *size))[n] == (n, k, 2 * k)
+            under = [r for r in rows_of(slices_of_polygon(below, *size)) if r[0] == n]
+            assert under == [(n, 0, k)]
+
+
 def test_crack_between_centres_is_not_seen() -> None:
     lake = shapely.box(0, 0, 3, 10) - shapely.box(-1, 4.6, 4, 5.4)
     assert rows_of(slices_of_polygon(lake, 1.0, 1.0, (0.0, 0.0), 3, 10)) == [
