@@ -73,7 +73,7 @@ def test_small_lake_with_islands_is_there():
 
 
 def test_image_is_binary_with_obstacles():
-    image = np.asarray(Image.open(FOLDER / "quarry.png").convert("L"))
+    image = grey(FOLDER / "quarry.png")
     assert image.shape == (300, 400)
     assert set(np.unique(image)) == {0, 255}
     free_m2 = int((image == 255).sum())
@@ -81,6 +81,11 @@ def test_image_is_binary_with_obstacles():
     # Islands, counted without the program: black components that do not touch the rim.
     assert _components(image == 0) - 1 == 6
     assert _components(image == 255) == 1
+
+
+def grey(path):
+    with Image.open(path) as image:
+        return np.asarray(image.convert("L"))
 
 
 def _components(mask):
@@ -112,5 +117,4 @@ def test_drawings_are_reproducible(tmp_path):
             drawn["geometry"]["coordinates"], kept["geometry"]["coordinates"], strict=True
         ):
             assert np.allclose(ring, other, atol=2e-7, rtol=0)
-    drawn = np.asarray(Image.open(tmp_path / "quarry.png"))
-    assert np.mean(drawn != np.asarray(Image.open(FOLDER / "quarry.png"))) < 1e-3
+    assert np.mean(grey(tmp_path / "quarry.png") != grey(FOLDER / "quarry.png")) < 1e-3
