@@ -83,9 +83,9 @@ def berths(
     """
     start = np.asarray(start_m, dtype=np.float64)
     if region_part_m.distance(shapely.Point(start)) > 0:
-        start = shapely.get_coordinates(
-            shapely.shortest_line(shapely.Point(start), region_part_m)
-        )[1]
+        start = shapely.get_coordinates(shapely.shortest_line(shapely.Point(start), region_part_m))[
+            1
+        ]
     for halving in range(SPACING_HALVINGS + 1):
         spacing = spacing_m / 2**halving
         site = None

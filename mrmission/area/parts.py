@@ -164,7 +164,11 @@ def _listed(titles: list[str]) -> str:
 
 
 def choose(
-    pieces: list[shapely.Polygon], part: int | None, *, polygons: int
+    pieces: list[shapely.Polygon],
+    part: int | None,
+    *,
+    polygons: int,
+    sizes_m2: list[float] | None = None,
 ) -> tuple[list[shapely.Polygon], list[str]]:
     """Return the chosen part, or all of them, and a note where there is a choice.
 
@@ -176,13 +180,15 @@ def choose(
         Number of the part to keep, 1 = largest; None keeps all.
     polygons : int
         How many polygons the file holds, for the note.
+    sizes_m2 : list of float, optional
+        Areas of the parts, m², where they are not in lon/lat.
 
     Raises
     ------
     GeometryError
         When there is no such part.
     """
-    sizes = [area_text(area_m2(piece)) for piece in pieces]
+    sizes = [area_text(size) for size in sizes_m2 or map(area_m2, pieces)]
     listed = ", ".join(f"{i}: {size}" for i, size in enumerate(sizes[:5], start=1))
     listed += ", …" if len(sizes) > 5 else ""
     if part is not None:
