@@ -257,7 +257,12 @@ def _check_water(
 ) -> list[Violation]:
     west, south, east, north = water_lonlat.bounds
     path = unwrap_e7(path_e7, round((west + east) / 2 * 1e7)) / 1e7
-    lonlat = path[:, ::-1]
+    # home comes twice, as item 0 and as the first waypoint; a leg needs two different ends
+    moved = np.append(True, np.any(np.diff(path, axis=0) != 0, axis=1))
+    items = [item for item, keep in zip(items, moved.tolist(), strict=True) if keep]
+    lonlat = path[moved][:, ::-1]
+    if len(lonlat) < 2:
+        return []
     plane = Transformer.from_crs(
         "EPSG:4326",
         f"+proj=aeqd +lat_0={(south + north) / 2} +lon_0={(west + east) / 2} +datum=WGS84",

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -155,7 +156,7 @@ def test_merged_path_runs_within_tolerance_of_the_whole_one(
     # every point of the whole path lies near the merged one
     for p in points:
         near = min(
-            (distance(p, a, b) for a, b in zip(out[:-1], out[1:], strict=True)),
+            (distance(p, a, b) for a, b in itertools.pairwise(out)),
             default=math.dist(p, out[0]),
         )
         assert near <= 0.02 + 1e-9
