@@ -32,7 +32,7 @@ USED_PARAMS = {
     16: (1,),  # NAV_WAYPOINT: delay; radii and yaw are a plane's or another autopilot's
     17: (3,),  # NAV_LOITER_UNLIM: radius
     18: (1, 3),  # NAV_LOITER_TURNS
-    19: (1, 3),  # NAV_LOITER_TIME
+    19: (1,),  # NAV_LOITER_TIME
     20: (),  # NAV_RETURN_TO_LAUNCH
     21: (1,),  # NAV_LAND
     22: (1,),  # NAV_TAKEOFF
@@ -44,8 +44,11 @@ USED_PARAMS = {
 }
 """Parameters an ArduPilot vehicle stores for a command; for one not named here, all four count."""
 
-WHOLE_PARAMS = {(16, 1), (17, 3), (18, 1), (18, 3), (19, 1), (19, 3), (21, 1), (22, 1), (178, 1)}
+WHOLE_PARAMS = {(16, 1), (17, 3), (18, 1), (18, 3), (19, 1), (21, 1), (22, 1), (178, 1)}
 """(command, parameter) pairs that are stored as whole numbers."""
+
+FLAG_PARAMS = {(18, 4), (19, 3), (19, 4), (21, 4), (31, 4)}
+"""(command, parameter) pairs that a vehicle reduces to a flag or a sign."""
 
 NO_POSITION_COMMANDS = frozenset({20, 178, 206})
 """Commands whose x, y, z mean nothing and are not stored."""
@@ -85,6 +88,8 @@ def _float32(value: float) -> float:
 def _same_param(command: int, number: int, sent: float, stored: float) -> bool:
     sent, stored = _float32(sent), _float32(stored)
     if sent == stored:
+        return True
+    if (command, number) in FLAG_PARAMS and stored in (-1.0, 0.0, 1.0):
         return True
     if number not in USED_PARAMS.get(command, (1, 2, 3, 4)):
         return stored == 0.0

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-import os
-import tempfile
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from mrmission.errors import PlanFormatError
+from mrmission.mission.files import write_whole
 from mrmission.model import Mission
 from mrmission.vehicle.items import MissionType, to_raw
 from mrmission.vehicle.readback import items_sha256
@@ -50,33 +49,29 @@ def record_of(mission: Mission, *, system_id: int, link: str) -> StoredRecord:
     )
 
 
-def write_record(directory: Path, records: Sequence[StoredRecord]) -> Path:
+def write_record(
+    directory: Path, records: Sequence[StoredRecord], forget: Collection[int] = ()
+) -> Path:
     """Write ``fleet.json`` into `directory`, whole or not at all; return its path.
 
     Robots that are not in `records` keep the entry of an earlier run: a second run completes the
-    rest, and the record with it.
+    rest, and the record with it. Those in `forget`, whose vehicles may hold something else by now,
+    lose it.
     """
     path = directory / FILE_NAME
     merged = {record.robot: record for record in read_record(directory)}
     taken = {record.system_id for record in records}
-    merged = {robot: old for robot, old in merged.items() if old.system_id not in taken}
+    merged = {
+        robot: old
+        for robot, old in merged.items()
+        if old.system_id not in taken and robot not in forget
+    }
     merged.update({record.robot: record for record in records})
     content = {
         "version": _VERSION,
         "vehicles": [asdict(merged[robot]) for robot in sorted(merged)],
     }
-    directory.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(dir=directory, prefix=f".{FILE_NAME}-")
-    temporary = Path(name)
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            json.dump(content, file, indent=2)
-            file.write("\n")
-        temporary.chmod(0o644)
-        temporary.replace(path)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise
+    write_whole(path, json.dumps(content, indent=2) + "\n", overwrite=True)
     return path
 
 
