@@ -329,13 +329,14 @@ def _report(
         if piece.area >= PLACE_M2:
             at = shapely.point_on_surface(piece)
             places.append((float(piece.area), float(at.x), float(at.y)))
-    islands = [shapely.Polygon(r) for r in water_m.interiors]
+    islands = shapely.polygons(list(water_m.interiors)) if water_m.interiors else np.array([])
     left_out = []
-    if islands:
-        covered = shapely.STRtree(kept_out).query(islands, predicate="intersects")[0]
-        for i in np.setdiff1d(shapely.STRtree(islands).query(inside, "intersects"), covered):
+    for i in np.sort(shapely.STRtree(islands).query(inside, "intersects")).tolist():
+        fenced = shapely.intersection(islands[i], inside).area
+        # an exclusion may cover a neighbour too, and an island may lie half beyond the inclusion
+        if fenced > 0 and shapely.intersection(islands[i], allowed).area > 0.5 * fenced:
             at = shapely.point_on_surface(islands[i])
-            away = shapely.distance(shown, islands[i])
+            away = float(shapely.distance(shown, islands[i]))
             left_out.append((away, (float(islands[i].area), float(at.x), float(at.y))))
     sizes = [len(inclusion), *map(len, exclusions)]
     return RingFit(
