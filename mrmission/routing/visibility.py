@@ -5,163 +5,33 @@ paths bend at the corners of the land as given. So a leg along the shore, throug
 islands touch, or over a row of corners on one line is clear of the shrunk land by far more than a
 rounding error: there is no degenerate case left for a floating-point predicate to get wrong.
 
-Everything lives in one :data:`Grid` tuple, so that few signatures are compiled. Rays walk a uniform
-grid of the shore's edges and leap over open water by the cells' distance to the next shore cell.
+Rays walk a uniform grid of the shore's edges and leap over open water by the cells' distance to the
+next shore cell. The arrays travel in two tuples, so that few signatures are compiled.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-Float: TypeAlias = npt.NDArray[np.float64]
-Int: TypeAlias = npt.NDArray[np.int32]
-Byte: TypeAlias = npt.NDArray[np.uint8]
+from mrmission.routing.shore_grid import Float, Grid, Int
 
-Grid: TypeAlias = tuple[Float, Int, Int, Int, Int, Byte, Float, Float]
-"""``(frame, shape, start, item, leap, inside, shrunk, shore)``.
-
-frame: origin x, origin y, cell size; shape: columns, rows; ``item[start[c]:start[c + 1]]`` are the
-edges near cell c (c = column * rows + row); leap: chessboard distance to the next cell with edges;
-inside: is the cell's centre in the water; shrunk, shore: (n, 4) edges x1, y1, x2, y2.
-"""
-
-Graph: TypeAlias = tuple[Float, Float, Float, Float, Float, Int, Int, Float, Float]
-"""``(node, before, after, land, block, start, neighbour, hug, length)``.
+Graph: TypeAlias = tuple[Float, Float, Float, Float, Float, Int, Int, Float, Float, Int]
+"""``(node, before, after, land, block, start, neighbour, hug, length, onward)``.
 
 node: (n, 2) land corners; before, after: their neighbours on the ring; land: unit vector into the
 land; block: bounds of runs of corners. Slot ``2 v`` are the legs from corner v that have the land
 on their right, ``2 v + 1`` on their left: ``neighbour[start[slot]:start[slot + 1]]``, sorted by
-hug, minus the cosine between the leg and the land.
+hug, minus the cosine between the leg and the land. A taut path that came by leg k goes on by the
+legs ``onward[k, 0]`` to ``onward[k, 1]`` (exclusive).
 """
 
 BLOCK = 6
 FEW_SOURCES = 8
-
-
-@njit(cache=True, inline="always")
-def _cell_range(low: float, high: float, origin: float, size: float, count: int) -> Any:
-    """Return the first and last cell that [low, high] touches."""
-    first = int((low - origin) / size)
-    last = int((high - origin) / size)
-    return max(0, min(count - 1, first)), max(0, min(count - 1, last))
-
-
-@njit(cache=True)
-def build_grid(shore: Float, shrunk: Float, cells: int) -> Grid:
-    """Sort the shore's edges into a uniform grid of about `cells` cells."""
-    n = len(shore)
-    x_min = x_max = shore[0, 0]
-    y_min = y_max = shore[0, 1]
-    for e in range(n):
-        x_min = min(x_min, shore[e, 0])
-        x_max = max(x_max, shore[e, 0])
-        y_min = min(y_min, shore[e, 1])
-        y_max = max(y_max, shore[e, 1])
-    # The odd margins keep cell borders and centres off the round coordinates of rasters.
-    span = max(x_max - x_min, y_max - y_min) + 1e-3
-    x_min -= 0.000731 * span
-    y_min -= 0.000913 * span
-    x_max += 0.000677 * span
-    y_max += 0.000797 * span
-    size = math.sqrt((x_max - x_min) * (y_max - y_min) / cells)
-    size = max(size, span / 4000.0)
-    columns = int((x_max - x_min) / size) + 1
-    rows = int((y_max - y_min) / size) + 1
-    # Edges count for every cell they come near, so that a ray that slips through a cell's corner
-    # by a rounding error still meets them.
-    pad = 1e-4 * size + 1e-5
-    start = np.zeros(columns * rows + 1, np.int32)
-    item = np.zeros(1, np.int32)
-    for turn in range(2):
-        if turn == 1:
-            total = 0
-            for c in range(columns * rows):
-                here = start[c]
-                start[c] = total
-                total += here
-            start[columns * rows] = total
-            item = np.zeros(max(total, 1), np.int32)
-        for e in range(n):
-            x1, y1, x2, y2 = shore[e, 0], shore[e, 1], shore[e, 2], shore[e, 3]
-            if x1 > x2:
-                x1, y1, x2, y2 = x2, y2, x1, y1
-            c1, c2 = _cell_range(x1 - pad, x2 + pad, x_min, size, columns)
-            for c in range(c1, c2 + 1):
-                ya, yb = y1, y2
-                if x2 - x1 > pad:
-                    slope = (y2 - y1) / (x2 - x1)
-                    left = x_min + c * size - pad
-                    right = x_min + (c + 1) * size + pad
-                    if left > x1:
-                        ya = y1 + slope * (left - x1)
-                    if right < x2:
-                        yb = y1 + slope * (right - x1)
-                r1, r2 = _cell_range(min(ya, yb) - pad, max(ya, yb) + pad, y_min, size, rows)
-                for r in range(r1, r2 + 1):
-                    if turn == 1:
-                        item[start[c * rows + r]] = e
-                    start[c * rows + r] += 1
-    for c in range(columns * rows, 0, -1):
-        start[c] = start[c - 1]
-    start[0] = 0
-
-    leap = np.zeros(columns * rows, np.int32)
-    for c in range(columns):
-        for r in range(rows):
-            i = c * rows + r
-            if start[i + 1] == start[i]:
-                # Beyond the grid there is nothing to hit.
-                best = np.int32(1 << 20)
-                if c > 0:
-                    best = min(best, leap[i - rows])
-                    if r > 0:
-                        best = min(best, leap[i - rows - 1])
-                    if r < rows - 1:
-                        best = min(best, leap[i - rows + 1])
-                if r > 0:
-                    best = min(best, leap[i - 1])
-                leap[i] = best + 1
-    for c in range(columns - 1, -1, -1):
-        for r in range(rows - 1, -1, -1):
-            i = c * rows + r
-            best = leap[i]
-            if best > 0:
-                if c < columns - 1:
-                    best = min(best, leap[i + rows] + 1)
-                    if r > 0:
-                        best = min(best, leap[i + rows - 1] + 1)
-                    if r < rows - 1:
-                        best = min(best, leap[i + rows + 1] + 1)
-                if r < rows - 1:
-                    best = min(best, leap[i + 1] + 1)
-                leap[i] = best
-
-    # Is a cell's centre in the water: parity of the edges above it.
-    inside = np.zeros(columns * rows, np.uint8)
-    for e in range(n):
-        x1, y1, x2, y2 = shore[e, 0], shore[e, 1], shore[e, 2], shore[e, 3]
-        if x1 > x2:
-            x1, y1, x2, y2 = x2, y2, x1, y1
-        c1, c2 = _cell_range(x1, x2, x_min, size, columns)
-        for c in range(c1, c2 + 1):
-            x = x_min + (c + 0.5) * size
-            if x1 <= x < x2:
-                y = y1 + (y2 - y1) * ((x - x1) / (x2 - x1))
-                r = math.floor((y - y_min) / size - 0.5)
-                if r >= 0:
-                    inside[c * rows + min(r, rows - 1)] ^= 1
-    for c in range(columns):
-        for r in range(rows - 2, -1, -1):
-            inside[c * rows + r] ^= inside[c * rows + r + 1]
-
-    frame = np.array([x_min, y_min, size])
-    shape = np.array([columns, rows], dtype=np.int32)
-    return frame, shape, start, item, leap, inside, shrunk, shore
 
 
 @njit(cache=True)
@@ -223,68 +93,6 @@ def clear_pairs(grid: Grid, a: Float, b: Float) -> npt.NDArray[np.bool_]:
     out = np.empty(len(a), np.bool_)
     for i in range(len(a)):
         out[i] = _clear(grid, a[i, 0], a[i, 1], b[i, 0], b[i, 1])
-    return out
-
-
-@njit(cache=True)
-def settle_points(grid: Grid, points: Float, reach: float, hair: float) -> Byte:
-    """Move points on land by at most `reach` to the nearest shore, in place.
-
-    Returns 0 for points that stay, 1 for moved ones, 2 for points too far inland.
-    """
-    frame, shape, start, item, _, inside, _, shore = grid
-    size = frame[2]
-    columns, rows = shape[0], shape[1]
-    out = np.zeros(len(points), np.uint8)
-    for n in range(len(points)):
-        x, y = points[n, 0], points[n, 1]
-        best = math.inf
-        best_x, best_y = x, y
-        c1, c2 = _cell_range(x - reach, x + reach, frame[0], size, columns)
-        r1, r2 = _cell_range(y - reach, y + reach, frame[1], size, rows)
-        for c in range(c1, c2 + 1):
-            for r in range(r1, r2 + 1):
-                for k in range(start[c * rows + r], start[c * rows + r + 1]):
-                    e = item[k]
-                    px, py = shore[e, 0], shore[e, 1]
-                    ex, ey = shore[e, 2] - px, shore[e, 3] - py
-                    t = ((x - px) * ex + (y - py) * ey) / (ex * ex + ey * ey)
-                    t = min(max(t, 0.0), 1.0)
-                    qx, qy = px + t * ex, py + t * ey
-                    d = (x - qx) ** 2 + (y - qy) ** 2
-                    if d < best:
-                        best, best_x, best_y = d, qx, qy
-        best = math.sqrt(best)
-        if best <= hair:
-            continue
-        wet = False
-        column = math.floor((x - frame[0]) / size)
-        row = math.floor((y - frame[1]) / size)
-        if 0 <= column < columns and 0 <= row < rows:
-            i = column * rows + row
-            wet = inside[i] == 1
-            mx = frame[0] + (column + 0.5) * size
-            my = frame[1] + (row + 0.5) * size
-            dx, dy = mx - x, my - y
-            for k in range(start[i], start[i + 1]):
-                e = item[k]
-                px, py = shore[e, 0], shore[e, 1]
-                qx, qy = shore[e, 2], shore[e, 3]
-                side_p = dx * (py - y) - dy * (px - x)
-                side_q = dx * (qy - y) - dy * (qx - x)
-                if (side_p >= 0.0) != (side_q >= 0.0):
-                    ex, ey = qx - px, qy - py
-                    side_a = ex * (y - py) - ey * (x - px)
-                    side_b = ex * (my - py) - ey * (mx - px)
-                    if (side_a >= 0.0) != (side_b >= 0.0):
-                        wet = not wet
-        if wet:
-            continue
-        if best <= reach:
-            points[n, 0], points[n, 1] = best_x, best_y
-            out[n] = 1
-        else:
-            out[n] = 2
     return out
 
 
@@ -359,14 +167,8 @@ def _blocks(node: Float, before: Float, after: Float) -> Float:
 
 
 @njit(cache=True)
-def _push(key: Float, what: Int, count: int, new_key: float, new_what: int) -> Any:
-    """Push onto a binary heap; returns the arrays (they grow) and the new count."""
-    if count == len(key):
-        bigger_key = np.empty(2 * count)
-        bigger_key[:count] = key
-        bigger_what = np.empty(2 * count, np.int32)
-        bigger_what[:count] = what
-        key, what = bigger_key, bigger_what
+def _push(key: Float, what: Int, count: int, new_key: float, new_what: int) -> int:
+    """Push onto a binary heap that has room; returns the new count."""
     i = count
     while i > 0:
         up = (i - 1) >> 1
@@ -375,7 +177,7 @@ def _push(key: Float, what: Int, count: int, new_key: float, new_what: int) -> A
         key[i], what[i] = key[up], what[up]
         i = up
     key[i], what[i] = new_key, new_what
-    return key, what, count + 1
+    return count + 1
 
 
 @njit(cache=True)
@@ -396,6 +198,29 @@ def _pop(key: Float, what: Int, count: int) -> int:
         i = down
     key[i], what[i] = last_key, last_what
     return count
+
+
+@njit(cache=True)
+def _onward(start: Int, hug: Float, land: Float, v: int, x: float, y: float) -> tuple[int, int]:
+    """Return the legs from corner v on which a taut path that came by the vector (x, y) goes on.
+
+    A taut path turns towards the land it hugs: it keeps the land on the same side, on a leg that
+    hugs it at least as much as the straight continuation. One that starts at the corner itself may
+    go anywhere.
+    """
+    size = math.hypot(x, y)
+    if size < 1e-6:
+        return start[2 * v], start[2 * v + 2]
+    widest = 1e-9 - (x * land[v, 0] + y * land[v, 1]) / size
+    slot = 2 * v + (land[v, 0] * y - land[v, 1] * x < 0.0)
+    low, high = start[slot], start[slot + 1]
+    while low < high:
+        middle = (low + high) >> 1
+        if hug[middle] <= widest:
+            low = middle + 1
+        else:
+            high = middle
+    return start[slot], low
 
 
 @njit(cache=True)
@@ -464,34 +289,27 @@ def build_graph(grid: Grid, node: Float, before: Float, after: Float, land: Floa
         hug[fill[slot]] = -(dx * land[i, 0] + dy * land[i, 1]) / math.hypot(dx, dy)
         fill[slot] += 1
     # Each side's legs, those first that hug the land most.
-    key = np.empty(64)
-    what = np.empty(64, np.int32)
+    key = np.empty(n)
+    what = np.empty(n, np.int32)
     for slot in range(2 * n):
         many = 0
         for k in range(start[slot], start[slot + 1]):
-            key, what, many = _push(key, what, many, hug[k], neighbour[k])
+            many = _push(key, what, many, hug[k], neighbour[k])
         i = slot // 2
         for k in range(start[slot], start[slot + 1]):
             hug[k], j = key[0], what[0]
             many = _pop(key, what, many)
             neighbour[k] = j
             length[k] = math.hypot(node[j, 0] - node[i, 0], node[j, 1] - node[i, 1])
-    return node, before, after, land, block, start, neighbour, hug, length
-
-
-@njit(cache=True, inline="always")
-def _onward(land: Float, v: int, inx: float, iny: float) -> tuple[int, float]:
-    """Return the slot of the legs on which a taut path that came by (inx, iny) may go on.
-
-    A taut path turns towards the land it hugs: on the same side of it, and to a leg that hugs it
-    more than the straight continuation does, which is the second value returned. A path that starts
-    at the corner may go anywhere: slot -1.
-    """
-    slot = 2 * v + (land[v, 0] * iny - land[v, 1] * inx < 0.0)
-    size = math.hypot(inx, iny)
-    if size < 1e-6:
-        return -1, 2.0
-    return slot, 1e-9 - (inx * land[v, 0] + iny * land[v, 1]) / size
+    onward = np.empty((2 * count, 2), np.int32)
+    for i in range(n):
+        for k in range(start[2 * i], start[2 * i + 2]):
+            j = neighbour[k]
+            first, stop = _onward(
+                start, hug, land, j, node[j, 0] - node[i, 0], node[j, 1] - node[i, 1]
+            )
+            onward[k, 0], onward[k, 1] = first, stop
+    return node, before, after, land, block, start, neighbour, hug, length, onward
 
 
 @njit(cache=True)
@@ -502,7 +320,7 @@ def pair_paths(grid: Grid, graph: Graph, a: Float, b: Float, top: float) -> tupl
     path. Whether a corner is seen from a or b is tested only when the search gets to it. `top` is
     longer than any path.
     """
-    node, before, after, land, block, start, neighbour, hug, length = graph
+    node, before, after, land, block, start, neighbour, hug, length, onward = graph
     n = len(node)
     out = np.empty(len(a))
     bends_start = np.zeros(len(a) + 1, np.int32)
@@ -510,10 +328,12 @@ def pair_paths(grid: Grid, graph: Graph, a: Float, b: Float, top: float) -> tupl
     filled = 0
     label = np.empty(n)
     back = np.empty(n, np.int32)
+    via = np.empty(n, np.int32)
     stamp = np.zeros(n, np.int32)
     done = np.zeros(n, np.int32)
-    key = np.empty(64)
-    what = np.empty(64, np.int32)
+    # Every leg is pushed once at most, and every corner once from the start.
+    key = np.empty(len(neighbour) + n)
+    what = np.empty(len(neighbour) + n, np.int32)
     now = 0
     for p in range(len(a)):
         ax, ay, bx, by = a[p, 0], a[p, 1], b[p, 0], b[p, 1]
@@ -543,7 +363,7 @@ def pair_paths(grid: Grid, graph: Graph, a: Float, b: Float, top: float) -> tupl
                     if f <= limit and _tangent(
                         x, y, before[v, 0], before[v, 1], after[v, 0], after[v, 1], ax, ay
                     ):
-                        key, what, count = _push(key, what, count, f, -1 - v)
+                        count = _push(key, what, count, f, -1 - v)
             while count > 0:
                 f = key[0]
                 v = what[0]
@@ -556,7 +376,7 @@ def pair_paths(grid: Grid, graph: Graph, a: Float, b: Float, top: float) -> tupl
                     if done[v] == now or not _clear(grid, ax, ay, node[v, 0], node[v, 1]):
                         continue
                     label[v] = math.hypot(node[v, 0] - ax, node[v, 1] - ay)
-                    back[v] = -1
+                    back[v] = via[v] = -1
                     stamp[v] = now
                 elif done[v] == now:
                     continue
@@ -568,16 +388,11 @@ def pair_paths(grid: Grid, graph: Graph, a: Float, b: Float, top: float) -> tupl
                     out[p] = label[v] + math.hypot(bx - x, by - y)
                     last = v
                     break
-                if back[v] < 0:
-                    inx, iny = x - ax, y - ay
+                if via[v] < 0:
+                    first, stop = _onward(start, hug, land, v, x - ax, y - ay)
                 else:
-                    inx, iny = x - node[back[v], 0], y - node[back[v], 1]
-                slot, widest = _onward(land, v, inx, iny)
-                first = start[2 * v] if slot < 0 else start[slot]
-                stop = start[2 * v + 2] if slot < 0 else start[slot + 1]
+                    first, stop = onward[via[v], 0], onward[via[v], 1]
                 for k in range(first, stop):
-                    if hug[k] > widest:
-                        break
                     w = neighbour[k]
                     if done[w] == now:
                         continue
@@ -589,8 +404,9 @@ def pair_paths(grid: Grid, graph: Graph, a: Float, b: Float, top: float) -> tupl
                         continue
                     label[w] = reached
                     back[w] = v
+                    via[w] = k
                     stamp[w] = now
-                    key, what, count = _push(key, what, count, f, w)
+                    count = _push(key, what, count, f, w)
             if last >= 0 or limit > top:
                 break
             limit *= 2.0
@@ -654,7 +470,7 @@ def many_distances(
     grid: Grid, graph: Graph, sources: Float, targets: Float, symmetric: bool
 ) -> Float:
     """Return the (s, t) lengths of the shortest paths; `symmetric`: targets are the sources."""
-    node, before, after, land, block, start, neighbour, hug, length = graph
+    node, before, after, land, block, start, neighbour, hug, length, onward = graph
     n = len(node)
     s_start, s_corner, s_away = _seen_corners(grid, graph, sources)
     # Many sources: see once which corners each target sees. Few: look for the last corner of each
@@ -669,11 +485,13 @@ def many_distances(
     out = np.empty((len(sources), len(targets)))
     label = np.empty(n)
     back = np.empty(n, np.int32)
+    via = np.empty(n, np.int32)
     done = np.empty(n, np.uint8)
-    key = np.empty(64)
-    what = np.empty(64, np.int32)
-    guess = np.empty(n)
-    guessed = np.empty(n, np.int32)
+    # Every leg is pushed once at most, and every corner once from the start.
+    key = np.empty(len(neighbour) + n)
+    what = np.empty(len(neighbour) + n, np.int32)
+    bend = np.empty(n)
+    on_left = np.empty(n, np.bool_)
     for s in range(len(sources)):
         sx, sy = sources[s, 0], sources[s, 1]
         label[:] = math.inf
@@ -682,8 +500,8 @@ def many_distances(
         for k in range(s_start[s], s_start[s + 1]):
             v = s_corner[k]
             label[v] = s_away[k]
-            back[v] = -1
-            key, what, count = _push(key, what, count, label[v], v)
+            back[v] = via[v] = -1
+            count = _push(key, what, count, label[v], v)
         while count > 0:
             v = what[0]
             count = _pop(key, what, count)
@@ -691,22 +509,33 @@ def many_distances(
                 continue
             done[v] = 1
             x, y = node[v, 0], node[v, 1]
-            if back[v] < 0:
-                inx, iny = x - sx, y - sy
+            if via[v] < 0:
+                first, stop = _onward(start, hug, land, v, x - sx, y - sy)
             else:
-                inx, iny = x - node[back[v], 0], y - node[back[v], 1]
-            slot, widest = _onward(land, v, inx, iny)
-            first = start[2 * v] if slot < 0 else start[slot]
-            stop = start[2 * v + 2] if slot < 0 else start[slot + 1]
+                first, stop = onward[via[v], 0], onward[via[v], 1]
             for k in range(first, stop):
-                if hug[k] > widest:
-                    break
                 w = neighbour[k]
                 reached = label[v] + length[k]
                 if reached < label[w]:
                     label[w] = reached
                     back[w] = v
-                    key, what, count = _push(key, what, count, reached, w)
+                    via[w] = k
+                    # Most corners are dead ends that way round: their label is all there is to it.
+                    if onward[k, 0] < onward[k, 1]:
+                        count = _push(key, what, count, reached, w)
+        if not listed:
+            for v in range(n):
+                # How the way to v hugs the land there: a taut path goes on hugging it more.
+                bend[v] = -2.0
+                on_left[v] = False
+                if label[v] < math.inf:
+                    inx, iny = node[v, 0] - sx, node[v, 1] - sy
+                    if back[v] >= 0:
+                        inx, iny = node[v, 0] - node[back[v], 0], node[v, 1] - node[back[v], 1]
+                    size = math.hypot(inx, iny)
+                    if size > 1e-6:
+                        on_left[v] = land[v, 0] * iny - land[v, 1] * inx < 0.0
+                        bend[v] = (inx * land[v, 0] + iny * land[v, 1]) / size - 1e-9
         for t in range(len(targets)):
             if symmetric and t <= s:
                 out[s, t] = out[t, s] if t < s else 0.0
@@ -732,27 +561,20 @@ def many_distances(
                             x, y, before[v, 0], before[v, 1], after[v, 0], after[v, 1], tx, ty
                         ):
                             continue
-                        if back[v] < 0:
-                            inx, iny = x - sx, y - sy
-                        else:
-                            inx, iny = x - node[back[v], 0], y - node[back[v], 1]
-                        slot, widest = _onward(land, v, inx, iny)
-                        side, least = _onward(land, v, tx - x, ty - y)
-                        if slot >= 0 and side >= 0 and (slot != side or least > widest + 1e-9):
-                            continue
-                        guess[many] = label[v] + math.hypot(x - tx, y - ty)
-                        guessed[many] = v
-                        many += 1
+                        outx, outy = tx - x, ty - y
+                        size = math.hypot(outx, outy)
+                        if size > 1e-6 and bend[v] > -1.5:
+                            left = land[v, 0] * outy - land[v, 1] * outx < 0.0
+                            if (
+                                left != on_left[v]
+                                or outx * land[v, 0] + outy * land[v, 1] < bend[v] * size
+                            ):
+                                continue
+                        many = _push(key, what, many, label[v] + size, v)
                 while many > 0:
-                    low = 0
-                    for k in range(1, many):
-                        if guess[k] < guess[low]:
-                            low = k
-                    v = guessed[low]
-                    if _clear(grid, node[v, 0], node[v, 1], tx, ty):
-                        best = guess[low]
+                    if _clear(grid, node[what[0], 0], node[what[0], 1], tx, ty):
+                        best = key[0]
                         break
-                    many -= 1
-                    guess[low], guessed[low] = guess[many], guessed[many]
+                    many = _pop(key, what, many)
             out[s, t] = best
     return out

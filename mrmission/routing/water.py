@@ -19,6 +19,7 @@ import shapely
 from mrmission.errors import PlanningError
 from mrmission.model import BoolArray, FloatArray
 from mrmission.routing import visibility as kernels
+from mrmission.routing.shore_grid import Int, build_grid, settle_points
 
 SNAP_M = 0.05
 """Points up to this far outside the region are taken as points of its boundary."""
@@ -64,7 +65,7 @@ class WaterRouter:
         shore = np.hstack([xy, xy[after]])
         shrunk = np.hstack([moved, moved[after]])
         cells = int(np.clip(_CELLS_PER_EDGE * len(xy), 256, 2_000_000))
-        self._grid = kernels.build_grid(shore, shrunk, cells)
+        self._grid = build_grid(shore, shrunk, cells)
         node = np.ascontiguousarray(xy[reflex])
         ring_before = np.ascontiguousarray(xy[before[reflex]])
         ring_after = np.ascontiguousarray(xy[after[reflex]])
@@ -189,7 +190,7 @@ class WaterRouter:
         """Return the shortest path between two points, shape (m, 2), both ends included."""
         return self.paths(np.reshape(a_m, (1, 2)), np.reshape(b_m, (1, 2)))[0]
 
-    def _pairs(self, a: FloatArray, b: FloatArray) -> tuple[FloatArray, kernels.Int, kernels.Int]:
+    def _pairs(self, a: FloatArray, b: FloatArray) -> tuple[FloatArray, Int, Int]:
         _same_length(a, b)
         out, start, bends = kernels.pair_paths(self._grid, self._graph, a, b, self._top_m)
         if not np.isfinite(out).all():
@@ -202,7 +203,7 @@ class WaterRouter:
         points = _points(points_m) - self._centre
         if not np.isfinite(points).all():
             raise PlanningError("a point to route from or to is not a number")
-        status = kernels.settle_points(self._grid, points, self._snap_m, self._tolerance_m / 2)
+        status = settle_points(self._grid, points, self._snap_m, self._tolerance_m / 2)
         if (status == 2).any():
             i = int(np.argmax(status == 2))
             x, y = points[i] + self._centre
@@ -245,13 +246,11 @@ def _same_length(a: FloatArray, b: FloatArray) -> None:
         raise ValueError(f"as many starts as ends are needed, not {len(a)} and {len(b)}")
 
 
-def _corners(
-    rings: list[FloatArray], tolerance_m: float
-) -> tuple[FloatArray, kernels.Int, kernels.Int]:
+def _corners(rings: list[FloatArray], tolerance_m: float) -> tuple[FloatArray, Int, Int]:
     """Return the rings' vertices without repeated and collinear ones, and their neighbours."""
     kept: list[FloatArray] = []
-    before: list[kernels.Int] = []
-    after: list[kernels.Int] = []
+    before: list[Int] = []
+    after: list[Int] = []
     count = 0
     for ring in rings:
         clean = _thin_ring(ring, tolerance_m)
@@ -308,7 +307,7 @@ def _thin_ring(ring: FloatArray, tolerance_m: float) -> FloatArray:
 
 
 def _shrink(
-    xy: FloatArray, before: kernels.Int, after: kernels.Int, tolerance_m: float
+    xy: FloatArray, before: Int, after: Int, tolerance_m: float
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Return the vertices moved into the land, unit vectors into it, and who is a land corner."""
     into, out = xy - xy[before], xy[after] - xy
