@@ -109,13 +109,13 @@ class Autopilot:
         self._command: Item | None = None
         self._do: tuple[int, Item] | None = None
         self._do_next = 0
+        self._resume_from = 0
         self._do_since_s = 0.0
         self._jumps: dict[int, int] = {}
         self._starting = False
         self._submode = SubMode.STOP
         self._speed_m_s = parameters["WP_SPEED"]
         self._leg: Leg | None = None
-        self._hold: tuple[float, float] | None = None
         self._arrived_s: float | None = None
         self._since_s = 0.0
         self._circled_rad = 0.0
@@ -223,12 +223,15 @@ class Autopilot:
             return False
         self._speed_m_s = self.parameters["WP_SPEED"]
         self._leg = Leg((self.boat.lat, self.boat.lon), (lat, lon), None)
-        self._submode = SubMode.WAYPOINT
+        self._arrived_s = None
         return True
 
     def set_speed(self, speed_m_s: float) -> bool:
         """Change the speed between waypoints; refused where the boat has no destination."""
-        if self._submode not in (SubMode.WAYPOINT, SubMode.STOP, SubMode.RETURN, SubMode.CIRCLE):
+        if self.mode is Mode.AUTO:
+            if self._submode is SubMode.LOITER:
+                return False
+        elif self._leg is None:
             return False
         if not speed_m_s > 0.05:
             return False
@@ -251,8 +254,8 @@ class Autopilot:
         if found is None:
             return False
         self.current = found
-        # Do commands from here on belong to the item and run once it starts.
-        self._do_next = seq
+        # The do commands before it run when the mission goes on.
+        self._resume_from = seq
         self.state = MissionState.STOPPED
         return True
 
@@ -323,7 +326,12 @@ class Autopilot:
             self._stay(dt_s)
             return
         radius_m = self.parameters["WP_RADIUS"]
-        if self._arrived_s is None and self._leg.reached(self.boat, radius_m):
+        if (
+            self._arrived_s is None
+            # In a mission the command itself decides when it has arrived.
+            and not (self.mode is Mode.AUTO and self._submode is SubMode.WAYPOINT)
+            and self._leg.reached(self.boat, radius_m)
+        ):
             self._arrived_s = self.time_s
             if self.mode is Mode.RTL:
                 self._say(INFO, "Reached destination")
@@ -400,14 +408,13 @@ class Autopilot:
         fresh = self.current == 0 or self.current >= self.mission.count()
         if restart or fresh or self.state is MissionState.COMPLETE:
             self._jumps.clear()
-            self.current = 0
-            self._do_next = 1
+            self.current = self._resume_from = 0
         self.state = MissionState.RUNNING
-        self._advance(self.current or 1)
+        self._advance(self._resume_from or self.current or 1)
 
     def _forget_mission(self) -> None:
         self.state = MissionState.STOPPED
-        self.current = 0
+        self.current = self._resume_from = 0
         self._command = None
         self._do = None
         self._loiter()
@@ -451,7 +458,7 @@ class Autopilot:
 
     def _advance(self, seq: int) -> bool:
         """Run the first do command from `seq` on, then start the next navigation command."""
-        self._do, self._do_next = None, 0
+        self._do, self._do_next, self._resume_from = None, 0, 0
         for _ in range(255):
             if not 0 < seq < self.mission.count():
                 self._complete()

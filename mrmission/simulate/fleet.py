@@ -51,7 +51,7 @@ def berths_lonlat(
         moved(lat, lon, i * spacing_m * math.sin(right), i * spacing_m * math.cos(right))
         for i in range(count)
     )
-    return tuple((point[1], point[0]) for point in points)
+    return tuple((round(point[1], 7), round(point[0], 7)) for point in points)
 
 
 class SimulatedFleet:

@@ -19,6 +19,9 @@ METRES_PER_DEGREE = 111_319.490793
 class Kinematics:
     """Limits of the boat's motion.
 
+    The defaults are those of a grid search that came nearest to the corner times of an ArduPilot
+    motorboat in SITL, see ``docs/simulated-fleet.md``.
+
     Parameters
     ----------
     accel_m_s2, decel_m_s2 : float
@@ -33,12 +36,12 @@ class Kinematics:
         Share of the cruising speed that is kept in the sharpest corner.
     """
 
-    accel_m_s2: float = 1.0
-    decel_m_s2: float = 1.0
-    turn_rate_deg_s: float = 45.0
+    accel_m_s2: float = 0.7
+    decel_m_s2: float = 0.7
+    turn_rate_deg_s: float = 40.0
     turn_gain: float = 2.0
     lookahead_s: float = 1.0
-    slowest_share: float = 0.3
+    slowest_share: float = 0.12
 
 
 def offset_m(lat: float, lon: float, to_lat: float, to_lon: float) -> tuple[float, float]:
@@ -63,7 +66,7 @@ def wrapped(angle_rad: float) -> float:
 
 def corner_share(turn_rad: float, slowest_share: float) -> float:
     """Return the share of the cruising speed kept through a corner of `turn_rad` (0 = straight)."""
-    return max(slowest_share, math.cos(0.5 * min(abs(turn_rad), math.pi)))
+    return max(slowest_share, math.sqrt(max(0.0, math.cos(0.5 * min(abs(turn_rad), math.pi)))))
 
 
 class Boat:

@@ -286,8 +286,6 @@ class SimVehicle:
         )
         transfer.on_item(message.seq, item, peer, self.now_s or 0.0, integer=integer)
         self._out += transfer.take()
-        self.parameters.put("MIS_TOTAL", float(self.mission.count()))
-        self.parameters.put("RALLY_TOTAL", float(self.rally.count()))
 
     def _on_mission_set_current(self, message: Message, peer: Peer) -> None:
         if self.autopilot.set_current(message.seq):
@@ -296,6 +294,10 @@ class SimVehicle:
     # --- parameters ---
 
     def _param_value(self, name: str, index: int) -> Message:
+        if name == "MIS_TOTAL":
+            self.parameters.put(name, float(self.mission.count()))
+        elif name == "RALLY_TOTAL":
+            self.parameters.put(name, float(self.rally.count()))
         return mavlink.MAVLink_param_value_message(
             name.encode("ascii"),
             self.parameters[name],
