@@ -321,18 +321,18 @@
       }
     }
     // Berths lie metres apart: labels that would overlap are fanned out with a pointer to the spot.
-    const placed = [];
+    const placed = [], disc = width < 600 ? 8.5 : 10.5;
     for (const robot of robots) {
       if (!robot.on || !robot.home) continue;
       const x = screenX(robot.home[0]), y = screenY(robot.home[1]);
       let labelX = x, labelY = y;
       for (let step = 0; step < 400; step++) {
-        const radius = step ? 26 + 1.6 * step : 0, angle = step * 2.399963 - Math.PI / 2;
+        const radius = step ? 2.4 * disc + 1.6 * step : 0, angle = step * 2.399963 - Math.PI / 2;
         labelX = x + radius * Math.cos(angle);
         labelY = y + radius * Math.sin(angle);
-        if (placed.every(([px, py]) => Math.hypot(px - labelX, py - labelY) > 23)) break;
+        if (placed.every(([px, py]) => Math.hypot(px - labelX, py - labelY) > 2.2 * disc)) break;
       }
-      placed.push([labelX, labelY]);
+      placed.push([labelX, labelY, robot]);
       context.strokeStyle = context.fillStyle = colourOf(robot);
       context.lineWidth = 1.5;
       context.beginPath();
@@ -342,14 +342,17 @@
       context.beginPath();
       context.arc(x, y, 3, 0, 7);
       context.fill();
+    }
+    context.font = `700 ${disc + 1.5}px system-ui, 'DejaVu Sans', sans-serif`;
+    for (const [labelX, labelY, robot] of placed) {
+      context.fillStyle = colourOf(robot);
       context.beginPath();
-      context.arc(labelX, labelY, 10.5, 0, 7);
+      context.arc(labelX, labelY, disc, 0, 7);
       context.fill();
       context.strokeStyle = colours.panel;
       context.lineWidth = 2;
       context.stroke();
       context.fillStyle = dark ? "#000" : "#fff";
-      context.font = "700 12px system-ui, 'DejaVu Sans', sans-serif";
       context.fillText(robot.robot, labelX, labelY + 0.5);
     }
   }
