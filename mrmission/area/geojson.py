@@ -127,7 +127,7 @@ def free_area_geojson(area: SurveyArea, *, decimals: int = 9) -> str:
             ]
             for ring in (polygon.exterior, *polygon.interiors)
         ]
-        for polygon in oriented.geoms
+        for polygon in shapely.get_parts(oriented).tolist()
     ]
     geometry = (
         {"type": "Polygon", "coordinates": coordinates[0]}

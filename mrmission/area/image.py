@@ -275,6 +275,7 @@ def _placed(
     for _ in range(4):
         corner = frame.to_metric(origin)
         water = shapely.transform(metric, _placer(frame, corner))
+        water = shapely.MultiPolygon(shapely.get_parts(water))  # GEOS unwraps a single part
         centred = LocalFrame.of_lonlat(water)
         if centred == frame:
             break
