@@ -2,7 +2,7 @@
 
     python geofences/sources/draw.py
 
-Writes demo-lake.geojson, harbour.geojson and quarry.png beside this folder. Shorelines go through
+Writes demo_lake.geojson, harbour.geojson and quarry.png beside this folder. Shorelines go through
 the control points below by a closed Catmull-Rom spline and are roughened by midpoint
 displacement. Places on the globe are arbitrary.
 """
@@ -126,7 +126,7 @@ def main() -> None:
         1.19 * roughen(spline(ring, 1), 2, 0.13, seed=2 + i) for i, ring in enumerate(DEMO_ISLANDS)
     ]
     write(
-        "demo-lake.geojson",
+        "demo_lake.geojson",
         lonlat_polygon(shapely.Polygon(shore, islands), 14.0, 60.0),
         {
             "name": "Demo lake (fictional)",

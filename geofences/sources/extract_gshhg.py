@@ -18,8 +18,8 @@ import shapely
 from draw import write
 
 LAKES = {
-    181510: ("lake-murray.geojson", "Lake Murray, South Carolina"),
-    185275: ("klawock-lake.geojson", "Klawock Lake, Alaska"),
+    181510: ("lake_murray.geojson", "Lake Murray, South Carolina"),
+    185275: ("klawock_lake.geojson", "Klawock Lake, Alaska"),
     182164: ("chiemsee.geojson", "Chiemsee, Bavaria"),
 }
 JOIN_DEG = 2e-5

@@ -76,7 +76,7 @@ def save_figure(
         When the suffix names no known format, the file exists already, its folder does not, or
         matplotlib is not installed.
     """
-    path = check_figure_path(path, overwrite=overwrite)
+    path = check_figure(path, overwrite=overwrite)
     import matplotlib as mpl
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -115,7 +115,7 @@ def save_figure(
     return path
 
 
-def check_figure_path(path: Path | str, *, overwrite: bool = False) -> Path:
+def check_figure(path: Path | str, overwrite: bool = False) -> Path:
     """Check, before any planning, that a picture can be written.
 
     Parameters

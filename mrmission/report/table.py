@@ -17,12 +17,87 @@ from mrmission.report.units import (
 )
 
 if TYPE_CHECKING:
-    from rich.console import Group
+    from rich.console import Console, ConsoleOptions, RenderResult
+    from rich.table import Table
 
-__all__ = ["fleet_table", "report_json", "report_text", "summary_lines"]
+__all__ = ["FleetTable", "fleet_table", "report_json", "report_text", "summary_lines"]
+
+WIDE = 106
+"""Columns of a terminal from which the starts have room in the table."""
 
 
-def fleet_table(plan: FleetPlan) -> Group:
+class FleetTable:
+    """A plan as a rich renderable that fits the width it is given."""
+
+    def __init__(self, plan: FleetPlan) -> None:
+        self.plan = plan
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        # rich is imported here because `mrmission --help` does without it.
+        from rich.markup import escape
+        from rich.table import Table
+        from rich.text import Text
+
+        report = self.plan.report
+        wide = options.max_width >= WIDE
+        yield self._robots(wide)
+        if not wide:
+            starts = "  ".join(
+                f"{row.robot}: {human_lonlat(*row.start_lonlat)}" for row in report.robots
+            )
+            yield Text.from_markup(f"[dim]start (lon,lat)[/dim] {escape(starts)}\n")
+        figures = Table(box=None, show_header=False, pad_edge=False)
+        figures.add_column(style="dim")
+        figures.add_column()
+        for name, value in fleet_figures(report):
+            figures.add_row(Text(name), Text(value))
+        yield figures
+        assumed = assumed_lines(report)
+        if assumed:
+            text = ", ".join(f"{name} {value}" for name, value in assumed)
+            yield Text.from_markup(f"\n[bold]assumed[/bold] (not given): {escape(text)}")
+
+    def _robots(self, wide: bool) -> Table:
+        from rich import box
+        from rich.table import Table
+        from rich.text import Text
+
+        report = self.plan.report
+        robots = Table(
+            title=Text(self.plan.area.name),
+            title_justify="left",
+            box=box.SIMPLE_HEAD,
+            pad_edge=False,
+        )
+        robots.add_column("robot", justify="right", no_wrap=True)
+        if wide:
+            robots.add_column("start (lon,lat)", no_wrap=True)
+        for name in ("lanes", "items", "survey", "transit", "length", "time"):
+            robots.add_column(name, justify="right", no_wrap=True)
+        fenced = any(row.fence_points for row in report.robots)
+        if fenced:
+            robots.add_column("fence", justify="right")
+        longest_s = max((row.duration_s for row in report.robots), default=0.0)
+        for row in report.robots:
+            cells = [Text(f"■ {row.robot}", style=robot_colour(row.robot, dark=True))]
+            if wide:
+                cells.append(Text(human_lonlat(*row.start_lonlat)))
+            cells += [
+                Text(str(row.lanes) if row.lanes else "no work"),
+                Text(str(row.items)),
+                Text(human_length(row.survey_m)),
+                Text(human_length(row.transit_m)),
+                Text(human_length(row.length_m)),
+                Text(human_duration(row.duration_s)),
+            ]
+            if fenced:
+                land = f" +{human_area(row.fence_land_m2)} land" if row.fence_land_m2 >= 1 else ""
+                cells.append(Text(f"{row.fence_points} pts{land}"))
+            robots.add_row(*cells, style="bold" if row.duration_s >= longest_s > 0 else None)
+        return robots
+
+
+def fleet_table(plan: FleetPlan) -> FleetTable:
     """Return the plan as a table for a rich console.
 
     Parameters
@@ -32,56 +107,8 @@ def fleet_table(plan: FleetPlan) -> Group:
 
     Returns
     -------
-    rich.console.Group
-        One row per robot, then the fleet's figures, what was assumed, and the notes.
+    FleetTable
+        One row per robot, then the fleet's figures and what was assumed. The notes are not in
+        it: they go to stderr.
     """
-    # rich is imported here because `mrmission --help` does without it.
-    from rich import box
-    from rich.console import Group, RenderableType
-    from rich.markup import escape
-    from rich.table import Table
-    from rich.text import Text
-
-    report = plan.report
-    robots = Table(
-        title=Text(plan.area.name), title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False
-    )
-    robots.add_column("robot", justify="right")
-    robots.add_column("start (lon,lat)")
-    for name in ("lanes", "items", "survey", "transit", "length", "time"):
-        robots.add_column(name, justify="right", no_wrap=True)
-    fenced = any(row.fence_points for row in report.robots)
-    if fenced:
-        robots.add_column("fence", justify="right", no_wrap=True)
-    longest_s = max((row.duration_s for row in report.robots), default=0.0)
-    for row in report.robots:
-        style = "bold" if row.duration_s >= longest_s > 0 else None
-        cells = [
-            Text(f"■ {row.robot}", style=robot_colour(row.robot, dark=True)),
-            Text(human_lonlat(*row.start_lonlat)),
-            Text(str(row.lanes) if row.lanes else "no work"),
-            Text(str(row.items)),
-            Text(human_length(row.survey_m)),
-            Text(human_length(row.transit_m)),
-            Text(human_length(row.length_m)),
-            Text(human_duration(row.duration_s)),
-        ]
-        if fenced:
-            land = f" +{human_area(row.fence_land_m2)} land" if row.fence_land_m2 >= 1 else ""
-            cells.append(Text(f"{row.fence_points} pts{land}"))
-        robots.add_row(*cells, style=style)
-
-    figures = Table(box=None, show_header=False, pad_edge=False)
-    figures.add_column(style="dim")
-    figures.add_column()
-    for name, value in fleet_figures(report):
-        figures.add_row(Text(name), Text(value))
-
-    parts: list[RenderableType] = [robots, figures]
-    assumed = assumed_lines(report)
-    if assumed:
-        text = ", ".join(f"{name} {value}" for name, value in assumed)
-        parts.append(Text.from_markup(f"\n[bold]assumed[/bold] (not given): {escape(text)}"))
-    notes = dict.fromkeys((*plan.area.notes, *report.notes))
-    parts.extend(Text.from_markup(f"[bold]note[/bold]: {escape(note)}") for note in notes)
-    return Group(*parts)
+    return FleetTable(plan)

@@ -24,7 +24,7 @@ TEXTS = {
 
 def test_there_are_enough_areas():
     assert len(AREAS) >= 5
-    assert FOLDER.joinpath("lake-murray.geojson") in AREAS
+    assert FOLDER.joinpath("lake_murray.geojson") in AREAS
 
 
 @pytest.mark.parametrize("path", AREAS, ids=lambda path: path.stem)
@@ -109,7 +109,7 @@ def test_drawings_are_reproducible(tmp_path):
     sources.mkdir()
     sources.joinpath("draw.py").write_bytes(FOLDER.joinpath("sources/draw.py").read_bytes())
     subprocess.run([sys.executable, sources / "draw.py"], check=True)
-    for name in ("demo-lake.geojson", "harbour.geojson"):
+    for name in ("demo_lake.geojson", "harbour.geojson"):
         drawn = json.loads((tmp_path / name).read_text(encoding="utf-8"))
         kept = json.loads((FOLDER / name).read_text(encoding="utf-8"))
         # Another platform's libm may differ in the last of seven decimals.
