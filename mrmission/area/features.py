@@ -139,7 +139,7 @@ def _geometry(geometry: Any, label: str, depth: int, contents: Contents) -> None
             f"{_prefix(label)}GeometryCollections are nested too deeply "
             f"(more than {MAX_COLLECTION_DEPTH} levels); put the polygon at the top"
         )
-    if "crs" in geometry and depth + len(label) > 0:
+    if "crs" in geometry:
         _check_crs(geometry, contents)
     kind = geometry.get("type")
     if kind == "GeometryCollection":

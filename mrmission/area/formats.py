@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import io
 import re
-import sqlite3
-import zipfile
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -96,6 +94,8 @@ def refuse_binary(data: bytes, path: Path) -> None:
 
 
 def _refuse_zip(data: bytes) -> NoReturn:
+    import zipfile  # only here: costs start-up time
+
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             names = [name.lower() for name in archive.namelist()]
@@ -117,6 +117,8 @@ def _refuse_zip(data: bytes) -> NoReturn:
 
 
 def _refuse_sqlite(path: Path) -> NoReturn:
+    import sqlite3  # only here: costs start-up time
+
     layers: list[str] = []
     try:
         uri = path.absolute().as_uri() + "?mode=ro&immutable=1"

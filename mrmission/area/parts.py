@@ -123,7 +123,7 @@ def _note_ponds(waters: list[Water], notes: list[str]) -> None:
     Raises
     ------
     GeometryError
-        When a polygon shares the shore of an island: it is the island, drawn once more.
+        When a polygon fills an island or shares its shore: it is the island, drawn once more.
     """
     holes: list[shapely.Polygon] = []
     owner: list[int] = []
@@ -135,14 +135,18 @@ def _note_ponds(waters: list[Water], notes: list[str]) -> None:
     if not holes:
         return
     geometries = np.array([water.geometry for water in waters], dtype=object)
-    pairs = shapely.STRtree(holes).query(geometries, predicate="covered_by")
+    pairs = shapely.STRtree(holes).query(geometries, predicate="intersects")
     ponds: dict[int, int] = {}
     for i, hole in sorted((int(i), int(h)) for i, h in pairs.T):
-        if owner[hole] == i:
-            continue
-        if geometries[i].area >= 0.99 * holes[hole].area:
+        pond, island = geometries[i], holes[hole]
+        common = 0.0 if owner[hole] == i else pond.intersection(island).area
+        if common < 0.5 * pond.area:
+            continue  # elsewhere, or around the island: then it overlaps the water about it
+        shared = pond.boundary.intersection(island.exterior)
+        if common >= 0.95 * island.area or shared.length > 0 or not pond.covered_by(island):
+            verb = "fills" if common >= 0.95 * island.area else "lies on the shore of"
             raise GeometryError(
-                f"{waters[i].title} fills an island of {waters[owner[hole]].title}: is it the "
+                f"{waters[i].title} {verb} an island of {waters[owner[hole]].title}: is it the "
                 "island? remove it, or remove the hole if it is water"
             )
         ponds.setdefault(i, owner[hole])

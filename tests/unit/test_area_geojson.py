@@ -248,6 +248,19 @@ def test_island_given_as_hole_and_as_feature_is_refused(tmp_path: Path) -> None:
         read_survey_area(path)
 
 
+@pytest.mark.parametrize("shift", [1e-8, -1e-8])
+def test_island_drawn_twice_with_other_digits_is_refused(tmp_path: Path, shift: float) -> None:
+    again = [[x + shift, y + shift / 2] for x, y in ISLAND]
+    with pytest.raises(GeometryError, match="feature 2 fills an island of feature 1"):
+        read_survey_area(write(tmp_path, collection(polygon(LAKE, ISLAND), polygon(again))))
+
+
+def test_half_an_island_drawn_again_is_refused(tmp_path: Path) -> None:
+    half = box(-81.297, 34.062, -81.2965, 34.063)
+    with pytest.raises(GeometryError, match="feature 2 lies on the shore of an island"):
+        read_survey_area(write(tmp_path, collection(polygon(LAKE, ISLAND), polygon(half))))
+
+
 def test_island_that_reaches_over_the_shore_is_refused(tmp_path: Path) -> None:
     spit = box(-81.292, 34.062, -81.288, 34.064)
     path = write(tmp_path, collection(polygon(LAKE), polygon(spit)))
