@@ -9,7 +9,7 @@ import asyncio
 import random
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import Generic, TypeVar, cast
 
 from mrmission.simulate.transfer import Outbound
 from mrmission.simulate.vehicle import SimVehicle
@@ -83,6 +83,7 @@ class Link:
         self._in: FaultyChannel[Message] | None = None
         self._out: FaultyChannel[bytes] | None = None
         self.backlog: Callable[[], int] = lambda: 0
+        self.abort: Callable[[], None] = lambda: None
         if server.faults:
             number = server.next_link_number()
             base = 2 * (server.vehicle.system_id * 1000 + number)
@@ -176,6 +177,8 @@ class VehicleServer:
         for close in self._closers:
             close()
         self._closers.clear()
+        for link in self.links:
+            link.abort()
         self.links.clear()
 
 
@@ -185,11 +188,11 @@ class _TcpPeer(asyncio.Protocol):
         self._link: Link | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        assert isinstance(transport, asyncio.WriteTransport)
-        link = Link(self._server, lambda packets: transport.write(b"".join(packets)))
-        link.backlog = transport.get_write_buffer_size
+        tcp = cast(asyncio.Transport, transport)
+        link = Link(self._server, lambda packets: tcp.write(b"".join(packets)))
+        link.backlog = tcp.get_write_buffer_size
         self._link = link
-        self._server._closers.append(transport.abort)
+        link.abort = tcp.abort
         self._server.add(link)
 
     def data_received(self, data: bytes) -> None:
@@ -208,11 +211,11 @@ class _UdpPeer(asyncio.DatagramProtocol):
         self._link: Link | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        assert isinstance(transport, asyncio.DatagramTransport)
+        udp = cast(asyncio.DatagramTransport, transport)
 
         def write(packets: list[bytes]) -> None:
             for packet in packets:
-                transport.sendto(packet)
+                udp.sendto(packet)
 
         self._link = Link(self._server, write)
         self._server.add(self._link)
