@@ -9,6 +9,7 @@ where they save most.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -32,6 +33,8 @@ HAZARD_M2 = 1000.0
 HAZARD_REACH_M = 10.0
 SURROUND_M = 60.0
 """Where the whole shore does not fit, the fence of a robot reaches this far beyond its path."""
+MOST_SQUARES = 150
+"""Squares along the longer side of what surrounds a path."""
 PLACE_M2 = 1.0
 """Pieces of land smaller than this are counted, but not listed."""
 
@@ -109,7 +112,8 @@ def fit_rings(
     margin_m = max(margin_m, MIN_MARGIN_M)
     touch_m = min(TOUCH_M, margin_m)
     path, need, reach = _segments(path_m, margin_m, touch_m)
-    shown = shapely.union_all([shapely.force_2d(g) for g in path_m])
+    # a collection, not a union: noding a path that crosses itself often takes seconds
+    shown = shapely.geometrycollections([shapely.force_2d(g) for g in path_m])
     lines = shapely.multilinestrings(
         [s for s, d in zip(path.reshape(-1, 2, 2), need, strict=True) if d == margin_m]
     )
@@ -117,9 +121,8 @@ def fit_rings(
     best = _fit(water_m, water, shown, path, need, reach, limits)
     whole = best is not None and best[0] < PLACE_M2
     if not whole:
-        near = shapely.intersection(
-            water, shapely.buffer(shown, max(SURROUND_M, 10 * margin_m), quad_segs=2)
-        )
+        reach_m = max(SURROUND_M, 10 * margin_m)
+        near = shapely.intersection(water, _surroundings(path, reach_m))
         part = _part_of(near, shown)
         # gaps between the legs are open water; only the islands in them count
         shell = shapely.Polygon(part.exterior)
@@ -189,6 +192,35 @@ def _with_path(water: shapely.Polygon, lines: Any, touch_m: float) -> shapely.Po
     return _part_of(wide, lines)
 
 
+def _surroundings(path: FloatArray, reach_m: float) -> Any:
+    """Return a region that covers everything within `reach_m` of the path, and little more.
+
+    A buffer would node the path with itself, which takes seconds on lanes that transits cross.
+    """
+    low, high = path.reshape(-1, 2).min(axis=0), path.reshape(-1, 2).max(axis=0)
+    size_m = max(reach_m / 2, float((high - low).max()) / MOST_SQUARES)
+    spread = math.ceil(reach_m / size_m) + 1
+    shape = tuple((np.ceil((high - low) / size_m).astype(int) + 2 * spread + 1).tolist())
+    free = np.zeros(shape, dtype=bool)
+    for a, b in path.reshape(-1, 2, 2):
+        steps = math.ceil(2 * float(np.hypot(*(b - a))) / size_m) + 1
+        along = a + np.linspace(0, 1, steps)[:, None] * (b - a)
+        column, row = (np.floor((along - low) / size_m).astype(int) + spread).T
+        free[column, row] = True
+    for axis in (0, 1):
+        free = np.logical_or.reduce([np.roll(free, k, axis) for k in range(-spread, spread + 1)])
+    boxes = []
+    corner = low - spread * size_m
+    for column, cells in enumerate(free):
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], cells, [False]]).astype(np.int8)))
+        x = corner[0] + column * size_m
+        for start, stop in edges.reshape(-1, 2).tolist():
+            y0, y1 = corner[1] + start * size_m, corner[1] + stop * size_m
+            boxes.append(shapely.box(x, y0, x + size_m, y1))
+    # stairs would cost the shortening many moves: go out by a square, then cut corners by as much
+    return shapely.simplify(shapely.buffer(shapely.union_all(boxes), size_m, quad_segs=2), size_m)
+
+
 def _part_of(region: Any, path: Any) -> shapely.Polygon:
     """Return the part of a region that holds the path."""
     parts = [p for p in shapely.get_parts(region) if p.geom_type == "Polygon" and p.area > 0]
@@ -196,10 +228,12 @@ def _part_of(region: Any, path: Any) -> shapely.Polygon:
         raise InfeasibleError("the path lies outside the water: no fence can hold both")
     if len(parts) == 1:
         return parts[0]
-    held = [shapely.intersection(p, path) for p in parts]
-    return parts[
-        max(range(len(parts)), key=lambda i: (held[i].length, held[i].area, parts[i].area))
-    ]
+    x, y = shapely.get_coordinates(path).T
+    held = []
+    for part in parts:
+        shapely.prepare(part)
+        held.append((int(np.count_nonzero(shapely.intersects_xy(part, x, y))), part.area))
+    return parts[max(range(len(parts)), key=held.__getitem__)]
 
 
 def _fit(
