@@ -121,3 +121,33 @@ def test_frame_of_a_real_lake_is_that_of_the_score_script(shared_data) -> None:
     frame = LocalFrame.of(lake)
     assert frame.lon_deg == pytest.approx(raw.centroid.x, abs=1e-12)
     assert frame.lat_deg == pytest.approx(raw.centroid.y, abs=1e-12)
+
+
+def test_water_is_that_of_the_score_script(shared_data, score_script) -> None:
+    import importlib.util
+
+    from mrmission.area.geojson import read_survey_area
+
+    spec = importlib.util.spec_from_file_location("score_missions", score_script)
+    assert spec is not None
+    assert spec.loader is not None
+    script = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(script)
+    for name in ("lake_murray_sc", "chukotka_178w", "somino_ru"):
+        path = shared_data / "lakes" / f"{name}.geojson"
+        area = read_survey_area(path)
+        frame = LocalFrame.of(area)
+        ours = project_polygons(area.water_lonlat, frame)
+        raw = script.load_area(path)
+        to_metres = Transformer.from_crs(
+            "EPSG:4326",
+            f"+proj=aeqd +lat_0={raw.centroid.y} +lon_0={raw.centroid.x} +datum=WGS84",
+            always_xy=True,
+        )
+        theirs = shapely.transform(
+            shapely.segmentize(raw, 200 / 111_320),
+            lambda c, t=to_metres: np.column_stack(t.transform(c[:, 0], c[:, 1])),
+        )
+        points, expected = shapely.get_coordinates(ours), shapely.get_coordinates(theirs)
+        assert np.abs(points - expected).max() < 1e-6
+        assert ours.area == pytest.approx(theirs.area, rel=1e-12)
