@@ -26,7 +26,7 @@ inside: is the cell's centre in the water; shrunk, shore: (n, 4) edges x1, y1, x
 """
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, error_model="numpy")
 def _cell_range(low: float, high: float, origin: float, size: float, count: int) -> Any:
     """Return the first and last cell that [low, high] touches."""
     first = int((low - origin) / size)
@@ -34,7 +34,7 @@ def _cell_range(low: float, high: float, origin: float, size: float, count: int)
     return max(0, min(count - 1, first)), max(0, min(count - 1, last))
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def build_grid(shore: Float, shrunk: Float, cells: int) -> Grid:
     """Sort the shore's edges into a uniform grid of about `cells` cells."""
     n = len(shore)
@@ -142,12 +142,14 @@ def build_grid(shore: Float, shrunk: Float, cells: int) -> Grid:
         for r in range(rows - 2, -1, -1):
             inside[c * rows + r] ^= inside[c * rows + r + 1]
 
-    frame = np.array([x_min, y_min, size])
-    shape = np.array([columns, rows], dtype=np.int32)
+    frame = np.empty(3)
+    frame[0], frame[1], frame[2] = x_min, y_min, size
+    shape = np.empty(2, np.int32)
+    shape[0], shape[1] = columns, rows
     return frame, shape, start, item, leap, inside, shrunk, shore
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def settle_points(grid: Grid, points: Float, reach: float, hair: float) -> Byte:
     """Move points on land by at most `reach` to the nearest shore, in place.
 

@@ -34,7 +34,7 @@ BLOCK = 6
 FEW_SOURCES = 8
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _clear(grid: Grid, ax: float, ay: float, bx: float, by: float) -> bool:
     """Return whether the segment stays off the shrunk land."""
     frame, shape, start, item, leap, _, shrunk, _ = grid
@@ -87,7 +87,7 @@ def _clear(grid: Grid, ax: float, ay: float, bx: float, by: float) -> bool:
             return True
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def clear_pairs(grid: Grid, a: Float, b: Float) -> npt.NDArray[np.bool_]:
     """Return for every pair whether the segment from `a` to `b` stays in the water."""
     out = np.empty(len(a), np.bool_)
@@ -96,7 +96,7 @@ def clear_pairs(grid: Grid, a: Float, b: Float) -> npt.NDArray[np.bool_]:
     return out
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, error_model="numpy")
 def _tangent(
     x: float, y: float, bx: float, by: float, ax: float, ay: float, px: float, py: float
 ) -> bool:
@@ -108,7 +108,7 @@ def _tangent(
     return not ((before > slack and after < -slack) or (before < -slack and after > slack))
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, error_model="numpy")
 def _none_tangent(block: Float, k: int, px: float, py: float) -> bool:
     """Return True where no line from p grazes any corner of block k (never True by mistake).
 
@@ -124,49 +124,48 @@ def _none_tangent(block: Float, k: int, px: float, py: float) -> bool:
     return side > sine * math.sqrt(away - radius * radius) + cosine * radius
 
 
-@njit(cache=True)
-def _blocks(node: Float, before: Float, after: Float) -> Float:
+def corner_blocks(node: Float, before: Float, after: Float) -> Float:
     """Return centre, radius, mean edge direction, sine and cosine of its spread, per block."""
-    n = len(node)
-    count = (n + BLOCK - 1) // BLOCK
-    block = np.zeros((count, 7))
-    for k in range(count):
-        low, high = k * BLOCK, min(n, (k + 1) * BLOCK)
-        x_min = y_min = math.inf
-        x_max = y_max = -math.inf
-        sum_x = sum_y = 0.0
-        for v in range(low, high):
-            x_min, x_max = min(x_min, node[v, 0]), max(x_max, node[v, 0])
-            y_min, y_max = min(y_min, node[v, 1]), max(y_max, node[v, 1])
-            for x1, y1, x2, y2 in (
-                (before[v, 0], before[v, 1], node[v, 0], node[v, 1]),
-                (node[v, 0], node[v, 1], after[v, 0], after[v, 1]),
-            ):
-                size = math.hypot(x2 - x1, y2 - y1)
-                sum_x += (x2 - x1) / size
-                sum_y += (y2 - y1) / size
-        block[k, 0], block[k, 1] = 0.5 * (x_min + x_max), 0.5 * (y_min + y_max)
-        block[k, 2] = 0.5 * math.hypot(x_max - x_min, y_max - y_min) * 1.000001 + 1e-5
-        size = math.hypot(sum_x, sum_y)
-        if size < 1e-6:
-            continue
-        sum_x, sum_y = sum_x / size, sum_y / size
-        spread = 1.0
-        for v in range(low, high):
-            for x1, y1, x2, y2 in (
-                (before[v, 0], before[v, 1], node[v, 0], node[v, 1]),
-                (node[v, 0], node[v, 1], after[v, 0], after[v, 1]),
-            ):
-                size = math.hypot(x2 - x1, y2 - y1)
-                spread = min(spread, (sum_x * (x2 - x1) + sum_y * (y2 - y1)) / size)
-        # Some slack, so that rounding never hides a corner.
-        angle = math.acos(min(1.0, max(-1.0, spread))) + 1e-3
-        block[k, 3], block[k, 4] = sum_x, sum_y
-        block[k, 5], block[k, 6] = math.sin(angle), math.cos(angle)
-    return block
+    if len(node) == 0:
+        return np.zeros((0, 7))
+    first = np.arange(0, len(node), BLOCK)
+    low, high = np.minimum.reduceat(node, first), np.maximum.reduceat(node, first)
+    edges = np.stack([node - before, after - node])
+    edges /= np.hypot(edges[..., 0], edges[..., 1])[..., None]
+    mean = np.add.reduceat(edges.sum(axis=0), first)
+    size = np.hypot(mean[:, 0], mean[:, 1])
+    mean /= np.maximum(size, 1e-6)[:, None]
+    cosine = (edges * np.repeat(mean, BLOCK, axis=0)[: len(node)]).sum(axis=2).min(axis=0)
+    # Some slack, so that rounding never hides a corner.
+    spread = np.arccos(np.clip(np.minimum.reduceat(cosine, first), -1, 1)) + 1e-3
+    spread[size < 1e-6] = np.pi
+    out = np.empty((len(first), 7))
+    out[:, :2] = (low + high) / 2
+    out[:, 2] = np.hypot(*(high - low).T) * 0.5000005 + 1e-5
+    out[:, 3:5] = mean
+    out[:, 5], out[:, 6] = np.sin(spread), np.cos(spread)
+    return out
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
+def _longer_int(array: Int, size: int) -> Int:
+    """Return a longer copy (slices would take a second each to compile)."""
+    out = np.empty(size, np.int32)
+    for i in range(min(size, len(array))):
+        out[i] = array[i]
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def _longer_float(array: Float, size: int) -> Float:
+    """Return a longer copy."""
+    out = np.empty(size)
+    for i in range(min(size, len(array))):
+        out[i] = array[i]
+    return out
+
+
+@njit(cache=True, error_model="numpy")
 def _push(key: Float, what: Int, count: int, new_key: float, new_what: int) -> int:
     """Push onto a binary heap that has room; returns the new count."""
     i = count
@@ -180,7 +179,7 @@ def _push(key: Float, what: Int, count: int, new_key: float, new_what: int) -> i
     return count + 1
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _pop(key: Float, what: Int, count: int) -> int:
     """Remove the top of a binary heap; returns the new count."""
     count -= 1
@@ -200,7 +199,7 @@ def _pop(key: Float, what: Int, count: int) -> int:
     return count
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _onward(start: Int, hug: Float, land: Float, v: int, x: float, y: float) -> tuple[int, int]:
     """Return the legs from corner v on which a taut path that came by the vector (x, y) goes on.
 
@@ -223,11 +222,12 @@ def _onward(start: Int, hug: Float, land: Float, v: int, x: float, y: float) -> 
     return start[slot], low
 
 
-@njit(cache=True)
-def build_graph(grid: Grid, node: Float, before: Float, after: Float, land: Float) -> Graph:
+@njit(cache=True, error_model="numpy")
+def build_graph(
+    grid: Grid, node: Float, before: Float, after: Float, land: Float, block: Float
+) -> Graph:
     """Return the tangent visibility graph of the land corners."""
     n = len(node)
-    block = _blocks(node, before, after)
     room = 16 * n + 16
     tail = np.empty(room, np.int32)
     head = np.empty(room, np.int32)
@@ -259,12 +259,8 @@ def build_graph(grid: Grid, node: Float, before: Float, after: Float, land: Floa
                     continue
                 if count == room:
                     room *= 2
-                    bigger = np.empty(room, np.int32)
-                    bigger[:count] = tail
-                    tail = bigger
-                    bigger = np.empty(room, np.int32)
-                    bigger[:count] = head
-                    head = bigger
+                    tail = _longer_int(tail, room)
+                    head = _longer_int(head, room)
                 tail[count] = i
                 head[count] = j
                 count += 1
@@ -274,7 +270,7 @@ def build_graph(grid: Grid, node: Float, before: Float, after: Float, land: Floa
                 start[2 * j + left + 1] += 1
     for i in range(2 * n):
         start[i + 1] += start[i]
-    fill = start[:-1].copy()
+    fill = _longer_int(start, 2 * n)
     neighbour = np.empty(2 * count, np.int32)
     hug = np.empty(2 * count)
     length = np.empty(2 * count)
@@ -312,7 +308,7 @@ def build_graph(grid: Grid, node: Float, before: Float, after: Float, land: Floa
     return node, before, after, land, block, start, neighbour, hug, length, onward
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def pair_paths(grid: Grid, graph: Graph, a: Float, b: Float, top: float) -> tuple[Float, Int, Int]:
     """Return the lengths and the corners of the shortest paths from ``a[i]`` to ``b[i]``.
 
@@ -417,19 +413,17 @@ def pair_paths(grid: Grid, graph: Graph, a: Float, b: Float, top: float) -> tupl
                 many += 1
                 v = back[v]
             if filled + many > len(bends):
-                bigger = np.empty(2 * (filled + many), np.int32)
-                bigger[:filled] = bends[:filled]
-                bends = bigger
+                bends = _longer_int(bends, 2 * (filled + many))
             v = last
             for k in range(filled + many - 1, filled - 1, -1):
                 bends[k] = v
                 v = back[v]
             filled += many
         bends_start[p + 1] = filled
-    return out, bends_start, bends[:filled]
+    return out, bends_start, _longer_int(bends, filled)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _seen_corners(
     grid: Grid, graph: Graph, points: Float
 ) -> tuple[npt.NDArray[np.int64], Int, Float]:
@@ -452,20 +446,16 @@ def _seen_corners(
                 ) or not _clear(grid, px, py, x, y):
                     continue
                 if count == len(corner):
-                    bigger = np.empty(2 * count, np.int32)
-                    bigger[:count] = corner
-                    corner = bigger
-                    wider = np.empty(2 * count)
-                    wider[:count] = away
-                    away = wider
+                    corner = _longer_int(corner, 2 * count)
+                    away = _longer_float(away, 2 * count)
                 corner[count] = v
                 away[count] = math.hypot(x - px, y - py)
                 count += 1
         start[p + 1] = count
-    return start, corner[:count], away[:count]
+    return start, corner, away
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def many_distances(
     grid: Grid, graph: Graph, sources: Float, targets: Float, symmetric: bool
 ) -> Float:
@@ -481,7 +471,7 @@ def many_distances(
     elif listed:
         t_start, t_corner, t_away = _seen_corners(grid, graph, targets)
     else:
-        t_start, t_corner, t_away = s_start[:1], s_corner[:0], s_away[:0]
+        t_start, t_corner, t_away = s_start, s_corner, s_away  # not used
     out = np.empty((len(sources), len(targets)))
     label = np.empty(n)
     back = np.empty(n, np.int32)
@@ -494,8 +484,9 @@ def many_distances(
     on_left = np.empty(n, np.bool_)
     for s in range(len(sources)):
         sx, sy = sources[s, 0], sources[s, 1]
-        label[:] = math.inf
-        done[:] = 0
+        for v in range(n):
+            label[v] = math.inf
+            done[v] = 0
         count = 0
         for k in range(s_start[s], s_start[s + 1]):
             v = s_corner[k]

@@ -70,7 +70,8 @@ class WaterRouter:
         ring_before = np.ascontiguousarray(xy[before[reflex]])
         ring_after = np.ascontiguousarray(xy[after[reflex]])
         land = np.ascontiguousarray(into_land[reflex])
-        self._graph = kernels.build_graph(self._grid, node, ring_before, ring_after, land)
+        block = kernels.corner_blocks(node, ring_before, ring_after)
+        self._graph = kernels.build_graph(self._grid, node, ring_before, ring_after, land, block)
         # No shortest path uses a corner twice, and every leg is shorter than the diagonal.
         self._top_m = 2.0 * extent * (len(node) + 2)
 
