@@ -60,7 +60,7 @@ async def test_mission_fence_and_rally_of_two_boats_come_back() -> None:
             plugin = MissionRawAsync(system)
             await plugin.upload_geofence(fence)
             await plugin.upload_rally_points(rally)
-            # One object per total, see the guide: the mission last, on its own.
+            # MAVSDK keeps one progress total per object: the mission last, on its own.
             missions = MissionRawAsync(system)
             await missions.upload_mission(mission)
             got = await missions.download_mission()
