@@ -12,8 +12,15 @@ import numpy as np
 import shapely
 
 import mrmission
-from mrmission.area.frame import LocalFrame
-from mrmission.area.region import berths, default_start, navigable_region, settle_start
+from mrmission.area.berths import berths
+from mrmission.area.frame import LocalFrame, project_polygons
+from mrmission.area.region import (
+    default_start,
+    navigable_region,
+    part_of,
+    parts_by_size,
+    snap_start,
+)
 from mrmission.errors import GeometryError, PlanningError
 from mrmission.mission.build import LAUNCH_RADIUS_M, BuiltMission, Route, build_mission, export_route
 from mrmission.model import (
@@ -33,13 +40,14 @@ from mrmission.partition.problem import Assignment, Visit
 from mrmission.routing.harbour import Harbour
 from mrmission.tour.coverage import Uncovered
 from mrmission.tour.order import U_TURN_S, PieceBook
-from mrmission.tour.path import assemble_paths, legs_of
-from mrmission.tour.repair import number_lanes, pieces_to_repair, repair, total_area
+from mrmission.tour.path import assemble_paths
+from mrmission.tour.repair import fleet_legs, number_lanes, pieces_to_repair, repair, total_area
 from mrmission.tour.starts import bottleneck_assignment
 from mrmission.tour.sweep import Sweep, best_bearing_deg, lane_spacing_m, sweep_region
 from mrmission.tour.timing import TimeModel
 
 AUTO_METHODS = ("crc", "cac")
+MAX_EXPORT_ROUNDS = 6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,13 +98,15 @@ def plan(
     """
     on_stage("finding the water")
     frame = LocalFrame.of(area)
-    water = frame.project_polygons(area.water_lonlat)
+    water = project_polygons(area.water_lonlat, frame)
     region = navigable_region(water, options.clearance_m)
     notes = list(area.notes)
-    notes += frame.notes(area)
+    too_large = frame.error_note(water)
+    if too_large:
+        notes.append(too_large)
     if options.clearance_m == 0:
         notes.append("clearance 0 m: lanes touch the shore and the islands")
-    pieces = list(region.geoms)
+    pieces = parts_by_size(region)
     if not pieces:
         raise GeometryError(
             f"{area.source}: no water is left at a clearance of {options.clearance_m:g} m: "
@@ -128,7 +138,7 @@ def _robots_by_part(
     """Return the parts that have a start, with the starts and robots of each, and the others."""
     everyone = tuple(range(1, options.robots + 1))
     if not options.starts_lonlat:
-        part = max(pieces, key=lambda p: p.area)
+        part = pieces[0]
         starts = default_start(part)[None]
         lon, lat = frame.to_lonlat(starts)[0]
         notes.append(f"start chosen at the shore of the largest part: {lon:.6f},{lat:.6f}")
@@ -137,7 +147,8 @@ def _robots_by_part(
         by_part: dict[int, tuple[list[FloatArray], list[int]]] = {}
         for i, lonlat in enumerate(options.starts_lonlat):
             given = frame.to_metric(np.array([lonlat], dtype=np.float64))[0]
-            index, start, note = settle_start(pieces, given, lonlat)
+            start, note = snap_start(shapely.MultiPolygon(pieces), given, frame)
+            index = part_of(pieces, start)
             if note:
                 notes.append(note)
             mine = by_part.setdefault(index, ([], []))
@@ -201,12 +212,11 @@ def _plan_part(
     assert best is not None
     radius = options.swath_m / 2
     uncovered = Uncovered(sweep.region, sweep.column_pitch_m, radius)
-    paths = repair(best[1], uncovered, sweep.frame, harbour, time, options.swath_m)
     return PartPlan(
         region_m=part,
         robots=robots,
         homes_m=homes,
-        paths=tuple(number_lanes(p) for p in paths),
+        paths=best[1],
         method=best[2],
         sweep=sweep,
         harbour=harbour,
@@ -223,7 +233,7 @@ def _problem(
     # a critical point is the middle of a column border and may lie on a sliver of land
     nearest = shapely.shortest_line(harbour.region, shapely.points(nodes))
     inside = shapely.get_coordinates(nearest).reshape(-1, 2, 2)[:, 0]
-    depot = harbour.router.distances(homes_m[:1], inside)[0]
+    depot = harbour.distances(homes_m[:1], inside)[0]
     return CoverageProblem(
         reeb=reeb,
         dual_edges=sweep.decomposition.dual_edges,
@@ -251,7 +261,7 @@ def _paths_of(
         if len(lanes) == 0:
             continue
         ends = np.array([lanes[0, 0], lanes[-1, 1]])
-        trips = harbour.router.distances(homes_m, ends).sum(axis=1)
+        trips = harbour.distances(homes_m, ends).sum(axis=1)
         inner = np.hypot(*(lanes[:, 1] - lanes[:, 0]).T).sum() / time.survey_speed_m_s
         gaps = harbour.pair_distances(lanes[:-1, 1], lanes[1:, 0]).sum()
         cost[i] = inner + (gaps + trips) / time.transit_speed_m_s
@@ -330,7 +340,7 @@ def _finish(
         angle_deg=largest_part.sweep.frame.bearing_deg,
         lane_spacing_m=max(p.sweep.column_pitch_m for p in parts),
         frame=frame.proj,
-        frame_error_m=frame.error_m(area),
+        frame_error_m=frame.error_m(water),
         options=options.as_dict(),
         assumed=assumed,
         notes=tuple(notes),
@@ -360,27 +370,20 @@ def _export(
 ) -> tuple[list[Route], _Coverage]:
     """Return the routes in exported, rounded coordinates, complete as measured on these."""
     tolerance = leg_tolerance_m(options.swath_m)
+    turn = part.sweep.frame
     paths = part.paths
-    for _ in range(3):
-        routes = [export_route(p, frame, tolerance) for p in paths]
-        legs = np.concatenate([legs_of(r.path) for r in routes])
-        pieces = part.uncovered.remainder(part.sweep.frame.to_sweep(legs))
+    for _ in range(MAX_EXPORT_ROUNDS):
+        paths = repair(paths, part.uncovered, turn, part.harbour, time, options.swath_m)
+        routes = [export_route(number_lanes(p), frame, tolerance) for p in paths]
+        pieces = part.uncovered.remainder(fleet_legs([r.path for r in routes], turn))
         if not pieces_to_repair(pieces, options.swath_m, part.region_m.area, final=True):
             break
-        paths = tuple(
-            number_lanes(p)
-            for p in repair(
-                [r.path for r in routes],
-                part.uncovered, part.sweep.frame, part.harbour, time, options.swath_m,
-            )
-        )  # fmt: skip
     else:
         worst = max(p.area for p in pieces)
-        raise PlanningError(
-            f"rounding to 1e-7 degrees leaves {worst:.2f} m² uncovered: choose another --angle"
-        )
+        raise PlanningError(f"{worst:.2f} m² stay uncovered: choose another --angle or --swath")
     survey = np.concatenate([r.path.kind for r in routes]) == LegKind.SURVEY
-    by_survey = part.uncovered.remainder(part.sweep.frame.to_sweep(legs[survey]))
+    legs = fleet_legs([r.path for r in routes], turn)
+    by_survey = part.uncovered.remainder(legs[survey])
     return routes, _Coverage(
         covered_m2=part.region_m.area - total_area(pieces),
         covered_by_survey_m2=part.region_m.area - total_area(by_survey),
@@ -393,9 +396,8 @@ def _coverage_of_water(
 ) -> float:
     """Return the share of the whole survey area, the clearance strip included, that is covered."""
     frame = part.sweep.frame
-    legs = frame.to_sweep(np.concatenate([legs_of(p) for p in paths]))
     uncovered = Uncovered(frame.turn(water), part.sweep.column_pitch_m, swath_m / 2)
-    return 1 - total_area(uncovered.remainder(legs)) / water.area
+    return 1 - total_area(uncovered.remainder(fleet_legs(paths, frame))) / water.area
 
 
 def _robot_row(

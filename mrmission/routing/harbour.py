@@ -61,18 +61,36 @@ class Harbour:
     def _disc(self, robot: int) -> shapely.Polygon:
         return shapely.Polygon(self._disc_corners(robot))
 
+    def _outside(self, points_m: FloatArray) -> FloatArray:
+        """Move points that lie inside a disc out to its rim; the others stay."""
+        out = np.array(points_m, dtype=np.float64)
+        for i in np.flatnonzero(self.radius_m):
+            near = np.hypot(*(out - self.berths_m[i]).T) < self.radius_m[i]
+            if not near.any():
+                continue
+            disc = self._disc(int(i))
+            inside = near & shapely.contains_xy(disc, out[:, 0], out[:, 1])
+            rim = shapely.shortest_line(disc.exterior, shapely.points(out[inside]))
+            out[inside] = shapely.get_coordinates(rim).reshape(-1, 2, 2)[:, 0]
+        return out
+
+    def distances(self, sources_m: FloatArray, targets_m: FloatArray) -> FloatArray:
+        """Return (s, t) in-water lengths between all of (s, 2) and all of (t, 2)."""
+        return self.router.distances(self._outside(sources_m), self._outside(targets_m))
+
     def pair_distances(self, a_m: FloatArray, b_m: FloatArray) -> FloatArray:
         """Return (n,) in-water lengths between the pairs of two (n, 2) arrays."""
         if len(a_m) == 0:
             return np.zeros(0)
-        return self.router.pair_distances(a_m, b_m)
+        return self.router.pair_distances(self._outside(a_m), self._outside(b_m))
 
     def paths(self, a_m: FloatArray, b_m: FloatArray) -> list[FloatArray]:
         """Return the shortest paths between the pairs of two (n, 2) arrays, ends as given."""
         if len(a_m) == 0:
             return []
         out = []
-        for a, b, path in zip(a_m, b_m, self.router.paths(a_m, b_m), strict=True):
+        ways = self.router.paths(self._outside(a_m), self._outside(b_m))
+        for a, b, path in zip(a_m, b_m, ways, strict=True):
             out.append(_with_ends(a, path, b))
         return out
 
@@ -92,7 +110,7 @@ class Harbour:
                 out[i] = np.array([home, target])
                 continue
             exits = self._disc_corners(robot)
-            way = self.router.distances(exits, target[None])[:, 0]
+            way = self.distances(exits, target[None])[:, 0]
             way = way + np.hypot(*(exits - home).T)
             exit_point = exits[int(np.argmin(way))]
             path = self.paths(exit_point[None], target[None])[0]

@@ -65,9 +65,12 @@ def leg_buffers(legs_m: FloatArray, radius_m: float) -> npt.NDArray[np.object_]:
     return shapely.buffer(lines, radius_m, quad_segs=QUAD_SEGS)
 
 
-def _polygons(geometry: shapely.Geometry) -> list[shapely.Polygon]:
-    parts = shapely.get_parts(geometry, return_index=False)
-    return [p for p in parts if p.geom_type == "Polygon" and p.area > 0]
+def _polygons(geometry: shapely.Geometry | npt.NDArray[np.object_]) -> list[shapely.Polygon]:
+    """Return the polygons in one or many geometries, without slivers of no area."""
+    parts = shapely.get_parts(geometry)
+    while np.any(shapely.get_type_id(parts) > 3):
+        parts = shapely.get_parts(parts)
+    return list(parts[(shapely.get_type_id(parts) == 3) & (shapely.area(parts) > 0)])
 
 
 class Uncovered:
@@ -120,24 +123,23 @@ class Uncovered:
 
     def _after_quads(self, legs_m: FloatArray) -> npt.NDArray[np.object_]:
         """Subtract the rectangles beside the legs: what remains is ends, corners and shore slivers."""
-        quads = leg_quads(legs_m, self.radius_m)
-        vertical = np.hypot(*(legs_m[:, 1] - legs_m[:, 0]).T) > 2 * self.radius_m
-        quads = quads[vertical]
-        if len(quads) == 0:
-            return np.array([p for strip in self._strips for p in _polygons(strip)], dtype=object)
-        tree = shapely.STRtree(quads)
-        strip_index, quad_index = tree.query(self._strips, predicate="intersects")
-        order = np.argsort(strip_index, kind="stable")
-        strip_index, quad_index = strip_index[order], quad_index[order]
-        borders = np.searchsorted(strip_index, np.arange(len(self._strips) + 1))
-        out: list[shapely.Polygon] = []
-        for i, strip in enumerate(self._strips):
-            mine = quad_index[borders[i] : borders[i + 1]]
-            rest = strip
-            if len(mine):
-                rest = shapely.difference(strip, shapely.union_all(quads[mine]))
-            out.extend(_polygons(rest))
-        return np.array(out, dtype=object)
+        along = legs_m[:, 1] - legs_m[:, 0]
+        # a long leg along the strips; its strip is the one that holds its middle
+        lane = np.abs(along[:, 1]) > np.maximum(2 * self.radius_m, 10 * np.abs(along[:, 0]))
+        quads = leg_quads(legs_m[lane], self.radius_m)
+        middle_x = legs_m[lane].mean(axis=1)[:, 0]
+        strip_of = np.searchsorted(self._borders, middle_x, side="right") - 1
+        strip_of = np.clip(strip_of, 0, len(self._strips) - 1)
+        order = np.argsort(strip_of, kind="stable")
+        first = np.searchsorted(strip_of[order], np.arange(len(self._strips) + 1))
+        rest = self._strips.copy()
+        turn = 0
+        alive = np.flatnonzero(np.diff(first) > 0)
+        while len(alive):
+            rest[alive] = shapely.difference(rest[alive], quads[order[first[alive] + turn]])
+            turn += 1
+            alive = alive[first[alive] + turn < first[alive + 1]]
+        return np.array(_polygons(rest), dtype=object)
 
 
 def subtract_legs(
@@ -152,17 +154,18 @@ def subtract_legs(
     used = np.unique(leg_index)
     buffers = np.empty(len(legs_m), dtype=object)
     buffers[used] = leg_buffers(legs_m[used], radius_m)
-    order: IntArray = np.argsort(piece_index, kind="stable")
-    borders = np.searchsorted(piece_index[order], np.arange(len(pieces) + 1))
-    out: list[shapely.Polygon] = []
-    for i, piece in enumerate(pieces):
-        near = leg_index[order[borders[i] : borders[i + 1]]]
-        if len(near) == 0:
-            out.append(piece)
-            continue
-        covers = buffers[near]
-        if np.any(shapely.covers(covers, piece)):
-            continue
-        rest = shapely.difference(piece, shapely.union_all(covers))
-        out.extend(_polygons(rest))
-    return out
+    # the nearest leg covers most of a piece, and often all: nearest first, all pieces at once
+    centre = shapely.centroid(pieces)
+    far = shapely.distance(lines[leg_index], centre[piece_index])
+    order: IntArray = np.lexsort((leg_index, far, piece_index))
+    piece_index, leg_index = piece_index[order], leg_index[order]
+    first = np.searchsorted(piece_index, np.arange(len(pieces) + 1))
+    rest = pieces.copy()
+    alive = np.flatnonzero(np.diff(first) > 0)
+    turn = 0
+    while len(alive):
+        rest[alive] = shapely.difference(rest[alive], buffers[leg_index[first[alive] + turn]])
+        turn += 1
+        more = first[alive] + turn < first[alive + 1]
+        alive = alive[more & ~shapely.is_empty(rest[alive])]
+    return _polygons(rest)

@@ -73,7 +73,8 @@ def repair(
     Each uncovered piece gets a point that sees all of it within the footprint, or a line along
     it, and goes to the leg of the robot where the detour costs least, robots that would become the
     longest counted dearer. A survey leg is left and met again at the same point, so nothing
-    that it covers is lost; a transit is bent. Pieces are looked for anew until there are none.
+    that it covers is lost. A transit is bent, which may uncover what it covered by the way:
+    the caller looks again at the whole.
 
     Raises
     ------
@@ -82,38 +83,27 @@ def repair(
     """
     paths = list(paths)
     area = uncovered.region.area
-    for _full in range(4):
-        pieces = uncovered.remainder(_fleet_legs(paths, frame))
+    pieces = uncovered.remainder(fleet_legs(paths, frame))
+    for _ in range(MAX_ROUNDS):
         todo = pieces_to_repair(pieces, swath_m, area)
         if not todo:
             return tuple(paths)
-        for _ in range(MAX_ROUNDS):
-            extras = _choose(todo, paths, uncovered, frame, harbour, time, swath_m)
-            paths = _insert(paths, extras, harbour)
-            # legs only come in: what is left lies within what was left
-            pieces = _subtract(pieces, paths, frame, swath_m / 2)
-            todo = pieces_to_repair(pieces, swath_m, area)
-            if not todo:
-                break
-    pieces = uncovered.remainder(_fleet_legs(paths, frame))
-    todo = pieces_to_repair(pieces, swath_m, area)
-    if todo:
-        point = frame.to_local(shapely.get_coordinates(todo[0].representative_point()))[0]
-        raise PlanningError(
-            f"{len(todo)} pieces stay uncovered, the largest {todo[0].area:.1f} m² near "
-            f"east {point[0]:.1f} m, north {point[1]:.1f} m: choose another --angle or --swath"
+        extras = _choose(todo, paths, uncovered, frame, harbour, time, swath_m)
+        paths, new_legs = _insert(paths, extras, harbour)
+        pieces = subtract_legs(
+            np.array(pieces, dtype=object), frame.to_sweep(new_legs), uncovered.radius_m
         )
-    return tuple(paths)
+    worst = max(todo, key=lambda p: p.area)
+    point = frame.to_local(shapely.get_coordinates(worst.representative_point()))[0]
+    raise PlanningError(
+        f"{len(todo)} pieces stay uncovered, the largest {worst.area:.1f} m² near "
+        f"east {point[0]:.1f} m, north {point[1]:.1f} m: choose another --angle or --swath"
+    )
 
 
-def _fleet_legs(paths: Sequence[CoveragePath], frame: SweepFrame) -> FloatArray:
+def fleet_legs(paths: Sequence[CoveragePath], frame: SweepFrame) -> FloatArray:
+    """Return (n, 2, 2) legs of all paths, sweep frame."""
     return frame.to_sweep(np.concatenate([legs_of(p) for p in paths]))
-
-
-def _subtract(
-    pieces: list[shapely.Polygon], paths: Sequence[CoveragePath], frame: SweepFrame, radius: float
-) -> list[shapely.Polygon]:
-    return subtract_legs(np.array(pieces, dtype=object), _fleet_legs(paths, frame), radius)
 
 
 def _viewpoints(piece: shapely.Polygon, uncovered: Uncovered) -> shapely.Geometry:
@@ -231,8 +221,11 @@ def _choose(
 
 def _insert(
     paths: Sequence[CoveragePath], extras: Sequence[_Extra], harbour: Harbour
-) -> list[CoveragePath]:
-    """Put the extras into their legs, several in one leg in the order in which it passes them."""
+) -> tuple[list[CoveragePath], FloatArray]:
+    """Put the extras into their legs, several in one leg in the order in which it passes them.
+
+    Returns the paths, and the legs (n, 2, 2) that are new in them.
+    """
     by_leg: dict[int, list[_Extra]] = {}
     for extra in extras:
         by_leg.setdefault(extra.leg, []).append(extra)
@@ -293,7 +286,8 @@ def _insert(
                 kinds.extend([int(kind_of_line)] * (len(line) - 1))
         first_leg += len(path.kind)
         out.append(make_path(path.robot, np.concatenate(points), kinds, [0] * len(kinds)))
-    return out
+    new_legs = np.concatenate([np.stack([w[:-1], w[1:]], axis=1) for w in ways])
+    return out, new_legs
 
 
 def number_lanes(path: CoveragePath) -> CoveragePath:
