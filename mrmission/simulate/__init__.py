@@ -1,8 +1,9 @@
 """Simulated boats: light vehicles that speak ArduPilot's MAVLink on loopback and sail missions.
 
-``wire`` packs and parses, ``storage`` says what an autopilot keeps of an item, ``transfer`` is the
-mission protocol, ``parameters``, ``motion`` and ``autopilot`` are the boat, ``vehicle`` ties them
-into one state machine without sockets or clocks, ``transport`` and ``fleet`` put it on the network.
+``wire`` packs and parses; ``storage`` says what an autopilot keeps of an item, ``stores`` keeps it,
+``transfer`` is the mission protocol; ``parameters``, ``motion``, ``fence``, ``execution`` and
+``autopilot`` are the boat; ``telemetry`` builds what it streams; ``vehicle`` ties them into one state
+machine without sockets or clocks; ``transport`` and ``fleet`` put it on the network.
 """
 
 from mrmission.simulate.fleet import FleetThread, SimulatedFleet, berths_lonlat
