@@ -123,7 +123,7 @@ def main() -> None:
     """Draw all."""
     shore = 1.19 * roughen(spline(DEMO_SHORE, 3), 2, 0.11, seed=1)
     islands = [
-        1.19 * roughen(spline(ring, 1), 2, 0.13, seed=2 + i) for i, ring in enumerate(DEMO_ISLANDS)
+        1.19 * roughen(spline(ring, 3), 1, 0.12, seed=2 + i) for i, ring in enumerate(DEMO_ISLANDS)
     ]
     write(
         "demo_lake.geojson",

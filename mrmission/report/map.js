@@ -72,7 +72,12 @@
     return robot;
   });
   const layers = {};
-  document.querySelectorAll("input.layer").forEach((box) => (layers[box.value] = box.checked));
+  const drawn = { ...areas, fences };
+  document.querySelectorAll("input.layer").forEach((box) => {
+    layers[box.value] = box.checked;
+    // A switch for something that this plan does not have would only puzzle.
+    if (drawn[box.value] && !drawn[box.value].length) box.closest("label").hidden = true;
+  });
 
   // --- view ---------------------------------------------------------------------------------------
 
@@ -204,10 +209,13 @@
 
   function paintFences() {
     context.setLineDash([2, 4]);
-    context.lineWidth = 1.8;
-    context.strokeStyle = colours.fence;
+    context.lineWidth = 1.4;
     for (const fence of fences) {
-      if (!robots.some((robot) => robot.on && fence.robots.includes(robot.robot))) continue;
+      const owners = robots.filter((robot) => robot.on && fence.robots.includes(robot.robot));
+      if (!owners.length) continue;
+      // A fence of one robot among several wears its colour.
+      context.strokeStyle =
+        fence.robots.length === 1 && robots.length > 1 ? colourOf(owners[0]) : colours.fence;
       const path = new Path2D();
       ringPath(path, fence.ring);
       context.stroke(path);
