@@ -16,10 +16,14 @@ MIN_LANE_OVERLAP_M = 0.02
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleLimits:
-    """What an autopilot can hold (defaults: ArduPilot Rover without an SD card)."""
+    """What an autopilot can hold (defaults: ArduPilot Rover without an SD card).
+
+    ``fence_bytes`` is for polygons: of the store's 672 bytes, 4 are a header and 1 ends it. A
+    fence of 668 bytes was seen to bring ArduRover down instead of being refused.
+    """
 
     mission_items: int = 655
-    fence_bytes: int = 672
+    fence_bytes: int = 667
     fence_polygon_points: int = 83
     rally_points: int = 50
 

@@ -39,6 +39,7 @@ MISSION_ACCEPTED = 0
 MISSION_ITEM_BYTES = 15
 MISSION_HEADER_BYTES = 4
 SD_FENCE_POLYGON_POINTS = 255
+FENCE_OVERHEAD_BYTES = 5
 
 MAX_OBJECTS = 12
 """MAVSDK objects at a time, see above."""
@@ -466,7 +467,7 @@ def sd_limits(default: VehicleLimits, *, mission_kib: float, fence_kib: float) -
     if fence_kib >= 1:
         out = replace(
             out,
-            fence_bytes=max(out.fence_bytes, int(fence_kib) * 1024),
+            fence_bytes=max(out.fence_bytes, int(fence_kib) * 1024 - FENCE_OVERHEAD_BYTES),
             fence_polygon_points=max(out.fence_polygon_points, SD_FENCE_POLYGON_POINTS),
         )
     return out
