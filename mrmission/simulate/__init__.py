@@ -2,8 +2,8 @@
 
 ``wire`` packs and parses; ``storage`` says what an autopilot keeps of an item, ``stores`` keeps it,
 ``transfer`` is the mission protocol; ``parameters``, ``motion``, ``fence``, ``execution`` and
-``autopilot`` are the boat; ``telemetry`` builds what it streams; ``vehicle`` ties them into one state
-machine without sockets or clocks; ``transport`` and ``fleet`` put it on the network.
+``autopilot`` are the boat; ``telemetry`` builds what it streams; ``vehicle`` ties them into one
+state machine without sockets or clocks; ``transport`` and ``fleet`` put it on the network.
 """
 
 from mrmission.simulate.fleet import FleetThread, SimulatedFleet, berths_lonlat
