@@ -52,7 +52,7 @@ def test_the_scorer_reads_the_plan(score_script: Path, tmp_path: Path) -> None:
     (tmp_path / "area.geojson").write_text(json.dumps({"type": "Polygon", "coordinates": [ring]}))
     plans = [str(tmp_path / f"robot-{r}.plan") for r in (1, 2)]
     command = [sys.executable, str(score_script), str(tmp_path / "area.geojson"), *plans,
-               "--swath", "50", "--json"]  # fmt: skip
+               "--swath", "42", "--json"]  # fmt: skip
     score = json.loads(subprocess.run(command, check=True, capture_output=True).stdout)
     assert score["closed_m"] == 0
     assert score["outside_m"] == 0
