@@ -50,7 +50,10 @@ def water_and_region() -> tuple[shapely.MultiPolygon, shapely.Polygon]:
 def fill(axes: Any, geometry: shapely.Geometry, **style: Any) -> None:
     """Fill polygons, holes left open."""
     for part in shapely.get_parts(geometry):
-        rings = [Outline(shapely.get_coordinates(r), closed=True) for r in (part.exterior, *part.interiors)]  # fmt: skip
+        rings = [
+            Outline(shapely.get_coordinates(r), closed=True)
+            for r in (part.exterior, *part.interiors)
+        ]
         axes.add_patch(PathPatch(Outline.make_compound_path(*rings), **style))
 
 
@@ -72,12 +75,26 @@ def draw(name: str, paint: Callable[[Any], None]) -> None:
 
 
 def area_figure() -> None:
-    """The survey area and its navigable region."""
+    """Draw the survey area and its navigable region."""
     water, region = water_and_region()
 
     def paint(axes: Any) -> None:
-        fill(axes, water, facecolor="#d3e4ee", edgecolor="#57666c", linewidth=0.8, label="survey area")  # fmt: skip
-        fill(axes, region, facecolor="#f3f9fc", edgecolor="#7fa3b5", linewidth=0.5, label="navigable region")  # fmt: skip
+        fill(
+            axes,
+            water,
+            facecolor="#d3e4ee",
+            edgecolor="#57666c",
+            linewidth=0.8,
+            label="survey area",
+        )
+        fill(
+            axes,
+            region,
+            facecolor="#f3f9fc",
+            edgecolor="#7fa3b5",
+            linewidth=0.5,
+            label="navigable region",
+        )
 
     draw("area", paint)
 
@@ -88,7 +105,7 @@ def sweep_of(region: shapely.Polygon, spacing_m: float) -> Sweep:
 
 
 def cells_figure() -> None:
-    """Slices, cells and the Reeb graph on them."""
+    """Draw slices, cells and the Reeb graph on them."""
     water, region = water_and_region()
     sweep = sweep_of(region, 18.0)
     cells = cell_polygons(sweep.decomposition)
@@ -100,7 +117,14 @@ def cells_figure() -> None:
     def paint(axes: Any) -> None:
         fill(axes, water, facecolor="#e8eef1", edgecolor="#57666c", linewidth=0.6)
         for index, cell in enumerate(cells):
-            fill(axes, local(cell), facecolor=robot_colour(index % 32 + 1), alpha=0.35, edgecolor="white", linewidth=0.3)  # fmt: skip
+            fill(
+                axes,
+                local(cell),
+                facecolor=robot_colour(index % 32 + 1),
+                alpha=0.35,
+                edgecolor="white",
+                linewidth=0.3,
+            )
         nodes = sweep.frame.to_local(reeb.node_m)
         middles = sweep.frame.to_local(sweep.decomposition.cells.centroid_m)
         for tail, head, middle in zip(reeb.tail, reeb.head, middles, strict=True):
@@ -112,7 +136,7 @@ def cells_figure() -> None:
 
 
 def paths_figure() -> None:
-    """Shortest paths in the water from one berth."""
+    """Draw shortest paths in the water from one berth."""
     water, region = water_and_region()
     home = default_start(region)
     harbour = Harbour(region, home[None])
@@ -134,7 +158,7 @@ def paths_figure() -> None:
 
 
 def plan_figure() -> None:
-    """The plan of six boats."""
+    """Draw the plan of six boats."""
     area = read_area(LAKE, None, None, None)
     result = plan(area, PlanOptions(robots=6))
     save_figure(result, OUT / "plan.png", dpi=150, overwrite=True)
