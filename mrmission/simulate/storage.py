@@ -24,6 +24,7 @@ MISSION_ITEMS = 655
 """Mission items, home included, that fit into the storage of a board without an SD card."""
 MISSION_RECORD_BYTES = 15
 FENCE_BYTES = 672
+FENCE_END_BYTES = 1
 RALLY_POINTS = 50
 ALTITUDE_LIMIT_M = 83_000.0
 

@@ -7,6 +7,7 @@ from typing import Protocol
 
 from mrmission.simulate.storage import (
     FENCE_BYTES,
+    FENCE_END_BYTES,
     MISSION_ITEMS,
     MISSION_RECORD_BYTES,
     RALLY_POINTS,
@@ -187,7 +188,9 @@ class FenceStore:
             self._say(WARNING, fault)
             self._say(WARNING, "Fence validation failed")
             return ERROR
-        if fence_bytes(items) > self._size_bytes:
+        # ArduPilot forgets the end mark here: where only that lacks room, it accepts the fence and
+        # then dies of it. A rehearsal is better served by a refusal.
+        if fence_bytes(items) + FENCE_END_BYTES > self._size_bytes:
             self._say(WARNING, "Fence exceeds storage size")
             return ERROR
         self.items = items

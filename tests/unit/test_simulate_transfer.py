@@ -138,6 +138,13 @@ def test_fence_of_84_points_fails_only_after_the_last_and_leaves_the_old_one() -
     assert len(stored) == 83
 
 
+def test_a_fence_without_room_for_the_end_mark_is_refused() -> None:
+    station = Station()
+    # 2 polygons of 83 points together: 4 + 668 bytes, the whole store.
+    assert station.upload(polygon(79) + polygon(4, EXCLUSION), FENCE) == mavlink.MAV_MISSION_ERROR
+    assert station.upload(polygon(78) + polygon(4, EXCLUSION), FENCE) == ACCEPTED
+
+
 def test_one_inclusion_and_16_exclusions_of_4_points_fit_and_a_broken_ring_does_not() -> None:
     station = Station()
     whole = polygon(4) + 16 * polygon(4, EXCLUSION)
