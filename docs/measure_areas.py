@@ -2,8 +2,8 @@
 
     python docs/measure_areas.py AREAS... --judge score_missions.py --out results.jsonl
 
-Every area is planned for each k, method and clearance at a swath of the longest side of its bounding
-box over 150, overlap 0; for images 5 m at 1 m per pixel. One JSON line per plan, resumable: lines
+Every area is planned for each k, method and clearance at a swath of the longest side of its
+bounding box over 150, overlap 0; for images 5 m at 1 m per pixel. One JSON line per plan, resumable: lines
 that are in the file already are not planned again. `--table` turns the lines into Markdown.
 """
 
@@ -39,10 +39,10 @@ def cases(areas: list[Path], robots: list[int], methods: list[str]) -> list[dict
         image = path.suffix in IMAGE_SUFFIXES
         for clearance in (0.0,) if image else (0.0, 0.25):
             for k in robots:
-                for method in methods:
-                    out.append(
-                        {"area": str(path), "k": k, "method": method, "clearance": clearance}
-                    )
+                out.extend(
+                    {"area": str(path), "k": k, "method": method, "clearance": clearance}
+                    for method in methods
+                )
     return out
 
 

@@ -93,8 +93,10 @@ class PlanOptions:
         )
         check(
             len(self.starts_lonlat) in (0, 1, self.robots),
-            "--start", f"given {len(self.starts_lonlat)} times", f"given once, or once per robot ({self.robots})",
-        )  # fmt: skip
+            "--start",
+            f"given {len(self.starts_lonlat)} times",
+            f"given once, or once per robot ({self.robots})",
+        )
         for lon, lat in self.starts_lonlat:
             check(
                 math.isfinite(lon) and math.isfinite(lat) and abs(lon) <= 360 and abs(lat) <= 90,

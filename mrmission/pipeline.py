@@ -22,7 +22,13 @@ from mrmission.area.region import (
     snap_start,
 )
 from mrmission.errors import GeometryError, PlanningError
-from mrmission.mission.build import LAUNCH_RADIUS_M, BuiltMission, Route, build_mission, export_route
+from mrmission.mission.build import (
+    LAUNCH_RADIUS_M,
+    BuiltMission,
+    Route,
+    build_mission,
+    export_route,
+)
 from mrmission.model import (
     CoveragePath,
     FleetPlan,
@@ -129,7 +135,7 @@ Group = tuple[shapely.Polygon, FloatArray, tuple[int, ...]]
 
 
 def _robots_by_part(
-    pieces: Sequence[shapely.Polygon],
+    pieces: list[shapely.Polygon],
     water: shapely.MultiPolygon,
     frame: LocalFrame,
     options: PlanOptions,
@@ -166,8 +172,9 @@ def _robots_by_part(
     for p in unreached[:5]:
         lon, lat = frame.to_lonlat(shapely.get_coordinates(p.representative_point()))[0]
         notes.append(
-            f"not planned: {p.area:,.0f} m² of water near {lon:.5f},{lat:.5f}, no boat can reach it from a start"
-        )  # noqa: E501
+            f"not planned: {p.area:,.0f} m² of water near {lon:.5f},{lat:.5f}, "
+            "no boat can reach it from a start"
+        )
     if len(unreached) > 5:
         rest = total_area(unreached[5:])
         notes.append(f"not planned: {len(unreached) - 5} smaller parts, {rest:,.0f} m² in all")
@@ -313,8 +320,8 @@ def _finish(
     idle = [str(r.robot) for r in robots if r.lanes == 0]
     if idle:
         notes.append(
-            f"no work for robot {', '.join(idle)}: fewer cells than robots; the file is empty but valid"
-        )  # noqa: E501
+            f"no work for robot {', '.join(idle)}: cells stay whole; the file is empty but valid"
+        )
     most = max(robots, key=lambda r: r.items)
     if most.items > options.limits.mission_items:
         notes.append(
@@ -331,7 +338,9 @@ def _finish(
         utilization=sum(r.lanes > 0 for r in robots) / len(robots),
         coverage=covered / planned,
         coverage_survey_legs=covered_by_survey / planned,
-        coverage_of_area=_coverage_of_water(water, list(paths.values()), largest_part, options.swath_m),
+        coverage_of_area=_coverage_of_water(
+            water, list(paths.values()), largest_part, options.swath_m
+        ),
         largest_missed_m2=largest,
         area_m2=water.area,
         navigable_m2=planned + total_area(unreached),

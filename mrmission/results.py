@@ -59,7 +59,7 @@ def write_results(plan: FleetPlan, folder: Path, overwrite: bool) -> list[Path]:
     files["tours.kml"] = tours_kml(plan.missions)
     files["map.html"] = map_html(plan)
     if plan.area.image is not None:
-        from mrmission.area.export import free_area_geojson
+        from mrmission.area.geojson import free_area_geojson
 
         files["area.geojson"] = free_area_geojson(plan.area)
     if folder.is_dir():

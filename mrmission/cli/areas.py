@@ -15,6 +15,7 @@ def read_area(
     resolution_m: float | None,
     origin_lonlat: tuple[float, float] | None,
     part: int | None,
+    islands: bool = False,
 ) -> SurveyArea:
     """Return the survey area in a GeoJSON file or a binary image.
 
@@ -38,4 +39,4 @@ def read_area(
         raise ConfigError(f"{path}: --resolution and --origin go with an image only")
     from mrmission.area.geojson import read_survey_area
 
-    return read_survey_area(path, part=part)
+    return read_survey_area(path, part=part, islands=islands)

@@ -16,45 +16,150 @@ F = TypeVar("F", bound=Callable[..., Any])
 DEFAULT = PlanOptions()
 
 
-class LonLat(click.ParamType):
+class LonLat(click.ParamType[tuple[float, float]]):
     """``LON,LAT`` in degrees."""
 
     name = "lon,lat"
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, float]:
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[float, float]:
         """Parse two numbers separated by a comma."""
         if isinstance(value, tuple):
             return value
         try:
             lon, lat = (float(part) for part in str(value).split(","))
         except ValueError:
-            self.fail(f"{value!r} is not LON,LAT: two numbers in degrees, longitude first", param, ctx)
+            self.fail(
+                f"{value!r} is not LON,LAT: two numbers in degrees, longitude first", param, ctx
+            )
         return lon, lat
 
 
 _AREA = [
     click.argument("area", type=click.Path(path_type=Path)),
-    click.option("--resolution", type=float, help="Metres per pixel, when AREA is an image (white free, black obstacle)."),
+    click.option(
+        "--resolution",
+        type=float,
+        help="Metres per pixel, when AREA is an image (white free, black obstacle).",
+    ),
     click.option("--origin", type=LonLat(), help="LON,LAT of the image's lower left corner."),
     click.option("--part", type=int, help="Which lake of the file, by size (1 is the largest)."),
+    click.option("--islands", is_flag=True, help="Polygons inside the lake are islands."),
 ]
 _PLAN = [
-    click.option("--k", "robots", type=int, default=DEFAULT.robots, show_default=True, help="Number of robots."),
-    click.option("--swath", "swath_m", type=float, default=DEFAULT.swath_m, show_default=True, help="Width of the sensor's footprint, m."),
-    click.option("--overlap", type=float, default=DEFAULT.overlap, show_default=True, help="Share of the swath that neighbouring lanes share, 0 to 0.95."),
-    click.option("--clearance", "clearance_m", type=float, default=DEFAULT.clearance_m, show_default=True, help="Distance kept from shore and islands, m."),
-    click.option("--survey-speed", "survey_speed_m_s", type=float, default=DEFAULT.survey_speed_m_s, show_default=True, help="Speed on lanes, m/s."),
-    click.option("--transit-speed", "transit_speed_m_s", type=float, default=None, help="Speed between lanes, m/s.  [default: the survey speed]"),
-    click.option("--start", "starts_lonlat", type=LonLat(), multiple=True, help="LON,LAT where the robots start and end: once for all, or once per robot."),
-    click.option("--method", type=click.Choice([*METHODS, "auto"]), default=DEFAULT.method, show_default=True, help="Planner; auto takes the better of crc and cac."),
-    click.option("--angle", "angle_deg", type=float, default=None, help="Compass bearing of the lanes, degrees.  [default: auto]"),
-    click.option("--vehicle", type=click.Choice(VEHICLES), default=DEFAULT.vehicle, show_default=True, help="What sails, drives or flies."),
-    click.option("--altitude", "altitude_m", type=float, default=DEFAULT.altitude_m, show_default=True, help="Height above home, m (copter)."),
-    click.option("--no-fence", "fence", is_flag=True, flag_value=False, default=True, help="Plan without a fence."),
-    click.option("--max-items", type=int, default=DEFAULT.limits.mission_items, show_default=True, help="Mission items that a vehicle holds, home included."),
-    click.option("--fence-bytes", type=int, default=DEFAULT.limits.fence_bytes, show_default=True, help="Fence store of a vehicle: 8n + 2 bytes for a polygon of n points."),
-    click.option("--seed", type=int, default=DEFAULT.seed, show_default=True, help="Seed of every random choice."),
-]  # fmt: skip
+    click.option(
+        "--k",
+        "robots",
+        type=int,
+        default=DEFAULT.robots,
+        show_default=True,
+        help="Number of robots.",
+    ),
+    click.option(
+        "--swath",
+        "swath_m",
+        type=float,
+        default=DEFAULT.swath_m,
+        show_default=True,
+        help="Width of the sensor's footprint, m.",
+    ),
+    click.option(
+        "--overlap",
+        type=float,
+        default=DEFAULT.overlap,
+        show_default=True,
+        help="Share of the swath that neighbouring lanes share, 0 to 0.95.",
+    ),
+    click.option(
+        "--clearance",
+        "clearance_m",
+        type=float,
+        default=DEFAULT.clearance_m,
+        show_default=True,
+        help="Distance kept from shore and islands, m.",
+    ),
+    click.option(
+        "--survey-speed",
+        "survey_speed_m_s",
+        type=float,
+        default=DEFAULT.survey_speed_m_s,
+        show_default=True,
+        help="Speed on lanes, m/s.",
+    ),
+    click.option(
+        "--transit-speed",
+        "transit_speed_m_s",
+        type=float,
+        default=None,
+        help="Speed between lanes, m/s.  [default: the survey speed]",
+    ),
+    click.option(
+        "--start",
+        "starts_lonlat",
+        type=LonLat(),
+        multiple=True,
+        help="LON,LAT where the robots start and end: once for all, or once per robot.",
+    ),
+    click.option(
+        "--method",
+        type=click.Choice([*METHODS, "auto"]),
+        default=DEFAULT.method,
+        show_default=True,
+        help="Planner; auto takes the better of crc and cac.",
+    ),
+    click.option(
+        "--angle",
+        "angle_deg",
+        type=float,
+        default=None,
+        help="Compass bearing of the lanes, degrees.  [default: auto]",
+    ),
+    click.option(
+        "--vehicle",
+        type=click.Choice(VEHICLES),
+        default=DEFAULT.vehicle,
+        show_default=True,
+        help="What sails, drives or flies.",
+    ),
+    click.option(
+        "--altitude",
+        "altitude_m",
+        type=float,
+        default=DEFAULT.altitude_m,
+        show_default=True,
+        help="Height above home, m (copter).",
+    ),
+    click.option(
+        "--no-fence",
+        "fence",
+        is_flag=True,
+        flag_value=False,
+        default=True,
+        help="Plan without a fence.",
+    ),
+    click.option(
+        "--max-items",
+        type=int,
+        default=DEFAULT.limits.mission_items,
+        show_default=True,
+        help="Mission items that a vehicle holds, home included.",
+    ),
+    click.option(
+        "--fence-bytes",
+        type=int,
+        default=DEFAULT.limits.fence_bytes,
+        show_default=True,
+        help="Fence store of a vehicle: 8n + 2 bytes for a polygon of n points.",
+    ),
+    click.option(
+        "--seed",
+        type=int,
+        default=DEFAULT.seed,
+        show_default=True,
+        help="Seed of every random choice.",
+    ),
+]
 ASSUMPTIONS = ("swath_m", "overlap", "clearance_m", "survey_speed_m_s", "starts_lonlat", "vehicle")
 
 

@@ -29,10 +29,12 @@ from mrmission.cli.options import area_options, assumed_options, build_options, 
 @click.pass_context
 def plan(
     ctx: click.Context,
+    /,
     area: Path,
     resolution: float | None,
     origin: tuple[float, float] | None,
     part: int | None,
+    islands: bool,
     out: Path | None,
     overwrite: bool,
     figure: Path | None,
@@ -54,7 +56,7 @@ def plan(
         from mrmission.report.figure import check_figure
 
         check_figure(figure, overwrite)
-    survey = read_area(area, resolution, origin, part)
+    survey = read_area(area, resolution, origin, part, islands)
 
     from mrmission.cli.progress import stages
     from mrmission.pipeline import plan as plan_fleet

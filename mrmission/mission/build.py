@@ -17,13 +17,13 @@ from mrmission.model import CoveragePath, FencePolygon, FloatArray, Mission, Ral
 from mrmission.options import PlanOptions
 
 LAUNCH_RADIUS_M = 15.0
-"""Around its home a boat may drift before it is armed: water within this radius is inside the fence."""
+"""Water within this radius of a home is inside the fence: a boat drifts before it is armed."""
 MERGE_TOLERANCE_M = 0.01
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Route:
-    """A path as it is exported: ``lonlat`` (n, 2) degrees rounded to 1e-7, and the path they make."""
+    """A path as exported: ``lonlat`` (n, 2) degrees rounded to 1e-7, and the path they make."""
 
     lonlat: FloatArray
     path: CoveragePath

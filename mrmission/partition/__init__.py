@@ -1,4 +1,4 @@
-"""Who sweeps what: the planners. One file each, one signature: ``(problem, robots) -> Assignment``."""
+"""Who sweeps what: the planners, one file each, one signature ``(problem, robots)``."""
 
 from __future__ import annotations
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 from mrmission.partition.problem import Assignment, CoverageProblem, visits_of
 from mrmission.partition.split import frederickson_split
 
@@ -26,5 +28,6 @@ def crc(problem: CoverageProblem, robots: int) -> Assignment:
     Karapetyan et al. 2017, section IV.A; Frederickson, Hecht, Kim 1978.
     """
     tour = problem.ecc()
-    borders = frederickson_split(problem.step_costs(tour), tour.distances(problem.depot_cost), robots)
-    return tuple(visits_of(tour, a, b) for a, b in zip(borders[:-1], borders[1:], strict=True))
+    distance = tour.distances(problem.depot_cost)
+    borders = frederickson_split(problem.step_costs(tour), distance, robots)
+    return tuple(visits_of(tour, a, b) for a, b in pairwise(borders))

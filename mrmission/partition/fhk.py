@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import rustworkx as rx
 
@@ -24,7 +26,7 @@ def fhk(problem: CoverageProblem, robots: int) -> Assignment:
     tour = problem.ecc()
     distance = coverage_distance(problem)
     borders = frederickson_split(problem.step_costs(tour), tour.distances(distance), robots)
-    return tuple(visits_of(tour, a, b) for a, b in zip(borders[:-1], borders[1:], strict=True))
+    return tuple(visits_of(tour, a, b) for a, b in pairwise(borders))
 
 
 def coverage_distance(problem: CoverageProblem) -> FloatArray:

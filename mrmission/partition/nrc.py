@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from mrmission.partition.problem import Assignment, CoverageProblem, visits_of
@@ -26,4 +28,4 @@ def nrc(problem: CoverageProblem, robots: int) -> Assignment:
         share = prefix[-1] * j / robots * (1 - 1e-12)
         borders.append(min(n, max(borders[-1], int(np.searchsorted(prefix, share, side="left")))))
     borders.append(n)
-    return tuple(visits_of(tour, a, b) for a, b in zip(borders[:-1], borders[1:], strict=True))
+    return tuple(visits_of(tour, a, b) for a, b in pairwise(borders))

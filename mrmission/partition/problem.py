@@ -39,7 +39,7 @@ class EccTour:
 
 
 Assignment = tuple[tuple[Visit, ...], ...]
-"""The pieces of each robot in the order in which it sweeps them; together they are every cell once."""
+"""The pieces of each robot in the order in which it sweeps them; in all, every cell once."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -100,8 +100,7 @@ class Harbour:
         out: dict[int, FloatArray] = {}
         if plain:
             homes = self.berths_m[[robots[i] for i in plain]]
-            for i, path in zip(plain, self.paths(homes, targets_m[plain]), strict=True):
-                out[i] = path
+            out.update(zip(plain, self.paths(homes, targets_m[plain]), strict=True))
         for i, robot in enumerate(robots):
             if i in out:
                 continue

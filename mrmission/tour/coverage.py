@@ -9,7 +9,7 @@ import shapely
 from mrmission.model import FloatArray, IntArray
 
 QUAD_SEGS = 16
-"""Segments per quarter circle of a leg's round ends; an inscribed polygon, so never too generous."""
+"""Segments per quarter circle of a leg's round ends: inscribed, so never too generous."""
 
 
 def strips_of(region: shapely.Polygon, borders_m: FloatArray) -> list[shapely.Geometry]:
@@ -122,7 +122,7 @@ class Uncovered:
         return sorted(_polygons(merged), key=lambda p: (-p.area, p.bounds))
 
     def _after_quads(self, legs_m: FloatArray) -> npt.NDArray[np.object_]:
-        """Subtract the rectangles beside the legs: what remains is ends, corners and shore slivers."""
+        """Subtract the rectangles beside the lanes: ends, corners and slivers remain."""
         along = legs_m[:, 1] - legs_m[:, 0]
         # a long leg along the strips; its strip is the one that holds its middle
         lane = np.abs(along[:, 1]) > np.maximum(2 * self.radius_m, 10 * np.abs(along[:, 0]))

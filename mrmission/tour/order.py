@@ -145,5 +145,6 @@ class PieceBook:
                 b.append(lanes[1:, 0])
                 index.append(np.full(len(lanes) - 1, 4 * i + j))
         lengths = self._distances.pair_distances(np.concatenate(a), np.concatenate(b))
-        total = np.bincount(np.concatenate(index), weights=lengths, minlength=4 * len(ways))
+        total: FloatArray = np.zeros(4 * len(ways))
+        np.add.at(total, np.concatenate(index), lengths)
         return total.reshape(len(ways), 4)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import shapely
@@ -249,7 +250,7 @@ def _insert(
                     plan.append((np.array([here, extra.enter_m]), kind))
                     here = extra.enter_m
                 stops = [here, *extra.line_m]
-                for p, q in zip(stops[:-1], stops[1:], strict=True):
+                for p, q in pairwise(stops):
                     plan.append(len(asks))
                     asks.append((p, q))
                 here = extra.line_m[-1]

@@ -317,6 +317,9 @@ async def _check_all_capacities(
         pairs = [(m.robot, vehicles[given[m.robot]]) for m in missions if m.robot in given]
         told = await asyncio.gather(*(vehicle.limits(default) for _, vehicle in pairs))
         limits = {robot: limit for (robot, _), limit in zip(pairs, told, strict=True)}
+        # A vehicle that is not there yet will have to hold its mission too, one day.
+        largest = max(told, key=lambda limit: limit.mission_items, default=default)
+        limits.update({m.robot: largest for m in missions if m.robot not in limits})
         check_capacity(missions, limits, hint)
 
 
