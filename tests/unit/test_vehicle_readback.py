@@ -39,7 +39,7 @@ def waypoint(seq: int, **changes: float) -> MissionItem:
 MISSION = (
     waypoint(0),
     waypoint(1),
-    waypoint(2, command=178, param1=1.0, param2=1.7, param3=-1.0, x=0, y=0),
+    waypoint(2, command=178, param1=1.0, param2=1.7, param3=-1.0, param4=0.0, x=0, y=0),
     waypoint(3, param1=3.0, z=12.34),
     waypoint(4, command=17),
 )
@@ -107,7 +107,8 @@ def test_anything_else_is_named(kind: MissionType, seq: int, field: str, value: 
     wrong = compare_items(sent, back, kind)
     assert [(w.seq, w.field) for w in wrong] == [(seq, field)]
     assert str(wrong[0]).startswith(f"{kind.label} item {seq}: {field} sent ")
-    if field not in ("z", "seq"):
+    # The hash is of what a vehicle keeps: no order numbers, heights, or unused parameters.
+    if field not in ("z", "seq", "param2") or seq == 2:
         assert items_sha256(sent, kind) != items_sha256(back, kind)
 
 
