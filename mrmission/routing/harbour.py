@@ -8,6 +8,7 @@ import numpy as np
 import shapely
 
 from mrmission.model import FloatArray
+from mrmission.routing.bends import straighten
 from mrmission.routing.water import WaterRouter
 
 KEEP_OFF_M = 5.0
@@ -85,11 +86,15 @@ class Harbour:
         return self.router.pair_distances(self._outside(a_m), self._outside(b_m))
 
     def paths(self, a_m: FloatArray, b_m: FloatArray) -> list[FloatArray]:
-        """Return the shortest paths between the pairs of two (n, 2) arrays, ends as given."""
+        """Return ways between the pairs of two (n, 2) arrays, ends as given.
+
+        They are the shortest ways, with runs of small bends drawn together into single corners.
+        """
         if len(a_m) == 0:
             return []
         out = []
         ways = self.router.paths(self._outside(a_m), self._outside(b_m))
+        ways = straighten(ways, self.router.visible)
         for a, b, path in zip(a_m, b_m, ways, strict=True):
             out.append(_with_ends(a, path, b))
         return out
