@@ -96,16 +96,15 @@ class WaterRouter:
         Returns
         -------
         BoolArray
-            Shape (n,). Touching the shore, and running along it, is staying in the water.
-
-        Raises
-        ------
-        PlanningError
-            When a point lies farther than `snap_m` outside the region.
+            Shape (n,). Touching the shore, and running along it, is staying in the water; a leg
+            with an end farther than `snap_m` outside is not.
         """
-        a, b = self._settle(a_m), self._settle(b_m)
+        (a, a_out), (b, b_out) = self._moved(a_m), self._moved(b_m)
         _same_length(a, b)
-        return kernels.clear_pairs(self._grid, a, b)
+        seen: BoolArray = np.zeros(len(a), dtype=np.bool_)
+        wet = ~(a_out | b_out)
+        seen[wet] = kernels.clear_pairs(self._grid, a[wet], b[wet])
+        return seen
 
     def distances(self, sources_m: FloatArray, targets_m: FloatArray) -> FloatArray:
         """Return the in-water lengths from every source to every target.
@@ -201,18 +200,22 @@ class WaterRouter:
 
     def _settle(self, points_m: FloatArray) -> FloatArray:
         """Return the points about the region's centre, those just outside moved to the shore."""
-        points = _points(points_m) - self._centre
-        if not np.isfinite(points).all():
-            raise PlanningError("a point to route from or to is not a number")
-        status = settle_points(self._grid, points, self._snap_m, self._tolerance_m / 2)
-        if (status == 2).any():
-            i = int(np.argmax(status == 2))
+        points, outside = self._moved(points_m)
+        if outside.any():
+            i = int(np.argmax(outside))
             x, y = points[i] + self._centre
             raise PlanningError(
                 f"point {i} at east {x:.3f} m, north {y:.3f} m is more than {self._snap_m} m "
                 "outside the navigable region: move it into the water or reduce the clearance"
             )
         return points
+
+    def _moved(self, points_m: FloatArray) -> tuple[FloatArray, BoolArray]:
+        """Return what `_settle` does, and which points are too far outside for it."""
+        points = _points(points_m) - self._centre
+        if not np.isfinite(points).all():
+            raise PlanningError("a point to route from or to is not a number")
+        return points, settle_points(self._grid, points, self._snap_m, self._tolerance_m / 2) == 2
 
     def _check_reached(self, out: FloatArray, sources: FloatArray, targets: FloatArray) -> None:
         if out.size and not np.isfinite(out).all():
