@@ -7,14 +7,17 @@ import math
 import re
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from mrmission.cli.areas import read_area
 from mrmission.cli.options import area_options, assumed_options, build_options, plan_options
 from mrmission.errors import ConfigError, InputError, VehicleError
-from mrmission.model import FleetPlan, Mission
+from mrmission.model import FleetPlan, Mission, SurveyArea
 from mrmission.options import PlanOptions, VehicleLimits
 
 if TYPE_CHECKING:
@@ -55,6 +58,7 @@ def upload(
     resolution: float | None,
     origin: tuple[float, float] | None,
     part: int | None,
+    islands: bool,
     from_folder: Path | None,
     connect: tuple[str, ...],
     simulate: bool,
@@ -89,7 +93,14 @@ def upload(
         )
     if area is None:
         raise ConfigError("AREA is missing: name a survey area, or a folder of plans with --from")
-    result = _plan(ctx, area, resolution, origin, part, options, out, overwrite)
+    from mrmission.cli.areas import read_area
+
+    if out is not None and not _again(out, overwrite):
+        from mrmission.results import check_folder
+
+        check_folder(out, options.robots, overwrite)
+    survey = read_area(area, resolution, origin, part, islands)
+    result = _plan(ctx, survey, options, out, overwrite)
     return run_upload(
         result.missions,
         connect=connect,
@@ -97,7 +108,7 @@ def upload(
         as_json=as_json,
         record_folder=out,
         limits=options.limits,
-        hint=capacity_hint(result, options),
+        hint=capacity_hint(survey, result, options),
         estimates={r.robot: (r.length_m, r.duration_s) for r in result.report.robots},
         starts_lonlat=[r.start_lonlat for r in result.report.robots],
         title=f"{result.area.name}: upload",
@@ -108,40 +119,34 @@ def upload(
 next(parameter for parameter in upload.params if parameter.name == "area").required = False
 
 
+def _again(out: Path, overwrite: bool) -> bool:
+    """Tell whether `out` holds an upload that the same command may complete."""
+    from mrmission.vehicle.record import FILE_NAME
+
+    return not overwrite and (out / FILE_NAME).exists()
+
+
 def _plan(
-    ctx: click.Context,
-    area: Path,
-    resolution: float | None,
-    origin: tuple[float, float] | None,
-    part: int | None,
-    options: PlanOptions,
-    out: Path | None,
-    overwrite: bool,
+    ctx: click.Context, survey: SurveyArea, options: PlanOptions, out: Path | None, overwrite: bool
 ) -> FleetPlan:
     """Plan, print what was assumed, and leave the files where they are wanted."""
-    from mrmission.cli.areas import read_area
     from mrmission.cli.progress import stages
     from mrmission.pipeline import plan
     from mrmission.report.units import assumed_lines
-    from mrmission.results import check_folder, write_results
-    from mrmission.vehicle.record import FILE_NAME
+    from mrmission.results import write_results
 
-    # The same command run again finds its own files, and may, if they are the same.
-    again = out is not None and not overwrite and (out / FILE_NAME).exists()
-    if out is not None and not again:
-        check_folder(out, options.robots, overwrite)
-    survey = read_area(area, resolution, origin, part)
     with stages() as say:
         result = plan(survey, options, assumed_options(ctx, options), on_stage=say)
     assumed = ", ".join(f"{name} {value}" for name, value in assumed_lines(result.report))
     if assumed:
         click.echo(f"assumed (not given): {assumed}", err=True)
-    for note in dict.fromkeys((*result.area.notes, *result.report.notes)):
+    for note in result.report.notes:
         click.echo(f"note: {note}", err=True)
-    if again and out is not None:
-        check_same_plan(out, result)
-    elif out is not None:
-        write_results(result, out, overwrite)
+    if out is not None:
+        if _again(out, overwrite):
+            check_same_plan(out, result)
+        else:
+            write_results(result, out, overwrite)
     return result
 
 
@@ -187,19 +192,44 @@ def read_missions(folder: Path) -> list[Mission]:
     return sorted((read_plan(path) for path in paths), key=lambda m: (m.robot, m.sortie))
 
 
-def capacity_hint(result: FleetPlan, options: PlanOptions) -> Callable[[int], str]:
-    """Return a function that says which swath or k would fit vehicles of a given memory.
+def capacity_hint(
+    survey: SurveyArea, result: FleetPlan, options: PlanOptions
+) -> Callable[[int], str]:
+    """Return a function that says which swath or k fits vehicles of a given memory.
 
-    The number of items grows with the number of lanes: it goes as 1/swath, and is shared by k.
+    The items of a robot go about as 1/swath, and are shared by k; what is named was planned
+    (without its fence) and found to fit.
     """
     most = max((len(mission.items) for mission in result.missions), default=0)
-    total = sum(len(mission.items) for mission in result.missions)
+
+    def fits(trial: PlanOptions, items: int) -> float:
+        """Return by how much the longest mission is too long: 1 or less fits."""
+        from mrmission.pipeline import plan
+
+        missions = plan(survey, replace(trial, fence=False)).missions
+        return max(len(mission.items) for mission in missions) / items
 
     def hint(items: int) -> str:
-        swath_m = math.ceil(options.swath_m * most / items * 10.5) / 10
-        robots = max(options.robots + 1, math.ceil(1.1 * total / max(items - 8, 1)))
-        more = f", or --k {robots}" if robots <= 250 else ""
-        return f"--swath {swath_m:g}{more} should fit"
+        found = []
+        swath_m, excess = options.swath_m, most / items
+        for _ in range(6):
+            swath_m = math.ceil(swath_m * excess * 10.3) / 10
+            excess = max(1.03, fits(replace(options, swath_m=swath_m), items))
+            if excess == 1.03:
+                found.append(f"--swath {swath_m:g}")
+                break
+        robots, excess = options.robots, most / items
+        for _ in range(4):
+            robots = max(robots + 1, math.ceil(robots * excess))
+            if robots > 4 * options.robots + 8 or len(options.starts_lonlat) > 1:
+                break
+            excess = fits(replace(options, robots=robots), items)
+            if excess <= 1:
+                found.append(f"--k {robots}")
+                break
+        if not found:
+            return "choose a much wider --swath"
+        return " or ".join(found) + (" would fit" if len(found) == 1 else " would fit, each alone")
 
     return hint
 
