@@ -232,7 +232,7 @@ def _insert(
         by_leg.setdefault(extra.leg, []).append(extra)
     # all ways that are needed, asked for at once
     asks: list[tuple[FloatArray, FloatArray]] = []
-    plans: dict[int, list[tuple[FloatArray, LegKind] | int]] = {}
+    plans: dict[int, list[tuple[FloatArray | int, LegKind]]] = {}
     first_leg = 0
     for path in paths:
         for j in range(len(path.kind)):
@@ -243,26 +243,33 @@ def _insert(
             kind = LegKind(int(path.kind[j]))
             step = b - a
             mine.sort(key=lambda e: float((e.enter_m - a) @ step))
-            plan: list[tuple[FloatArray, LegKind] | int] = []
+            plan: list[tuple[FloatArray | int, LegKind]] = []
+
+            def ask(
+                start: FloatArray,
+                stop: FloatArray,
+                what: LegKind,
+                plan: list[tuple[FloatArray | int, LegKind]] = plan,
+            ) -> None:
+                plan.append((len(asks), what))
+                asks.append((start, stop))
+
             here = a
             for extra in mine:
                 if kind == LegKind.SURVEY:
                     plan.append((np.array([here, extra.enter_m]), kind))
                     here = extra.enter_m
-                stops = [here, *extra.line_m]
-                for p, q in pairwise(stops):
-                    plan.append(len(asks))
-                    asks.append((p, q))
+                ask(here, extra.line_m[0], kind)  # a bent transit is a transit still
+                for p, q in pairwise(extra.line_m):
+                    ask(p, q, LegKind.SURVEY)
                 here = extra.line_m[-1]
                 if kind == LegKind.SURVEY:
-                    plan.append(len(asks))
-                    asks.append((here, extra.enter_m))
+                    ask(here, extra.enter_m, kind)
                     here = extra.enter_m
             if kind == LegKind.SURVEY:
                 plan.append((np.array([here, b]), kind))
             else:
-                plan.append(len(asks))
-                asks.append((here, b))
+                ask(here, b, kind)
             plans[first_leg + j] = plan
         first_leg += len(path.kind)
     ways = harbour.paths(np.array([a for a, _ in asks]), np.array([b for _, b in asks]))
@@ -278,11 +285,8 @@ def _insert(
                 points.append(path.points_m[j + 1 : j + 2])
                 kinds.append(int(path.kind[j]))
                 continue
-            for step_of_plan in plan_j:
-                if isinstance(step_of_plan, int):
-                    line, kind_of_line = ways[step_of_plan], LegKind.SURVEY
-                else:
-                    line, kind_of_line = step_of_plan
+            for step_of_plan, kind_of_line in plan_j:
+                line = ways[step_of_plan] if isinstance(step_of_plan, int) else step_of_plan
                 points.append(line[1:])
                 kinds.extend([int(kind_of_line)] * (len(line) - 1))
         first_leg += len(path.kind)
