@@ -8,7 +8,6 @@ import re
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -93,7 +92,6 @@ def upload(
         )
     if area is None:
         raise ConfigError("AREA is missing: name a survey area, or a folder of plans with --from")
-    from mrmission.cli.areas import read_area
 
     if out is not None and not _again(out, overwrite):
         from mrmission.results import check_folder
