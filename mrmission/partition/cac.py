@@ -20,9 +20,10 @@ def cac(problem: CoverageProblem, robots: int) -> Assignment:
       there and back), taken anew for each robot, so that S shrinks as cells are given away; the
       alternative keeps the first S for all;
     * the way to the seed counts within the budget (the paper's L);
-    * the cluster grows breadth first over the dual graph; a cell that does not fit is passed over
-      and the search goes on (the alternative stops there); a cell fits while the cluster stays
-      nearer to S with it than without it;
+    * the cluster grows breadth first over the dual graph; a cell fits while the cluster comes
+      nearer to S with it than without it, so it overshoots by half a cell at most; one that does
+      not fit is passed over and the search goes on (the alternatives: a strict limit, under which
+      a seed beside large cells stays alone; overshooting by a whole cell; stopping at a misfit);
     * what is left after the last cluster, which the paper as printed leaves to nobody, goes cell by
       cell to the robot whose cost it raises least among its neighbours, so the plan is complete;
     * a cluster whose Reeb subgraph is not connected is toured component by component, nearest
@@ -45,7 +46,7 @@ def _reach(problem: CoverageProblem) -> FloatArray:
 def _clusters(problem: CoverageProblem, robots: int) -> IntArray:
     cells = len(problem.cell_cost)
     neighbours: list[list[int]] = [[] for _ in range(cells)]
-    for a, b in problem.dual_edges.tolist():
+    for a, b in [*problem.dual_edges.tolist(), *_throats(problem)]:
         neighbours[a].append(b)
         neighbours[b].append(a)
     reach = _reach(problem)
@@ -69,21 +70,45 @@ def _clusters(problem: CoverageProblem, robots: int) -> IntArray:
                 if cell in seen or owner[cell] != robots:
                     continue
                 seen.add(cell)
-                with_it = load[robot] + cost[cell]
-                if left > 1 and abs(with_it - budget) > abs(load[robot] - budget):
+                if load[robot] + cost[cell] - budget > budget - load[robot]:
                     continue
                 owner[cell] = robot
-                load[robot] = with_it
+                load[robot] += cost[cell]
                 queue.append(cell)
-    _give_leftovers(owner, load, cost, reach, neighbours, robots)
+    _give_leftovers(owner, load, cost, neighbours, robots)
     return owner
+
+
+def _throats(problem: CoverageProblem) -> list[tuple[int, int]]:
+    """Return pairs of cells that join the components of the graph, by their nearest nodes.
+
+    A throat narrower than a lane joins two waters without joining their slices; without these
+    pairs a bay behind one would be a cluster of its own, however small.
+    """
+    parts = problem.components(np.arange(len(problem.cell_cost)))
+    pairs = []
+    joined = parts[0]
+    for part in parts[1:]:
+        a = np.repeat(joined, 2)
+        b = np.repeat(part, 2)
+        ends_a = problem.reeb.node_m[_ends(problem, joined)]
+        ends_b = problem.reeb.node_m[_ends(problem, part)]
+        gap = np.hypot(*(ends_a[:, None] - ends_b[None]).transpose(2, 0, 1))
+        i, j = np.unravel_index(int(np.argmin(gap)), gap.shape)
+        pairs.append((int(a[i]), int(b[j])))
+        joined = np.concatenate([joined, part])
+    return pairs
+
+
+def _ends(problem: CoverageProblem, cells: IntArray) -> IntArray:
+    """Return (2n,) nodes at both ends of each cell, cell by cell."""
+    return np.column_stack([problem.reeb.tail[cells], problem.reeb.head[cells]]).ravel()
 
 
 def _give_leftovers(
     owner: IntArray,
     load: FloatArray,
     cost: FloatArray,
-    reach: FloatArray,
     neighbours: list[list[int]],
     robots: int,
 ) -> None:
@@ -101,7 +126,3 @@ def _give_leftovers(
         _, cell, robot = best
         owner[cell] = robot
         load[robot] += cost[cell]
-    for cell in np.flatnonzero(owner == robots).tolist():  # no neighbour anywhere: an own component
-        robot = int(np.argmin(load))
-        owner[cell] = robot
-        load[robot] += 2 * reach[cell] + cost[cell]

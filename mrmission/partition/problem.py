@@ -85,7 +85,7 @@ class CoverageProblem:
         """
         chosen = np.arange(len(self.cell_cost)) if cells is None else cells
         tours = []
-        for part in self._components(chosen):
+        for part in self.components(chosen):
             nodes = np.unique(np.concatenate([self.reeb.tail[part], self.reeb.head[part]]))
             start = int(nodes[np.argmin(self.depot_cost[nodes])])
             tours.append(postman_tour(self.reeb, edges=part, start_node=start))
@@ -97,7 +97,7 @@ class CoverageProblem:
             head=np.concatenate([none, *(t.node[1:] for t in tours)]),
         )
 
-    def _components(self, cells: IntArray) -> list[IntArray]:
+    def components(self, cells: IntArray) -> list[IntArray]:
         """Return the connected components of some edges, nearest to the depot first."""
         parent = np.arange(len(self.reeb.node_m))
 
