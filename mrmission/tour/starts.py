@@ -48,9 +48,14 @@ def _match(cost: FloatArray, level: float) -> IntArray | None:
 
     def place(row: int, tried: set[int]) -> bool:
         for column in order[row]:
+            if row_of[column] < 0:
+                row_of[column] = row
+                return True
+        # none is open: another row must make room
+        for column in order[row]:
             if column not in tried:
                 tried.add(column)
-                if row_of[column] < 0 or place(row_of[column], tried):
+                if place(row_of[column], tried):
                     row_of[column] = row
                     return True
         return False
