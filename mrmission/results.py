@@ -62,10 +62,24 @@ def write_results(plan: FleetPlan, folder: Path, overwrite: bool) -> list[Path]:
         from mrmission.area.geojson import free_area_geojson
 
         files["area.geojson"] = free_area_geojson(plan.area)
-    if folder.is_dir():
-        for old in sorted(folder.iterdir()):
-            if overwrite and _OWN.fullmatch(old.name) and old.name not in files:
-                old.unlink()
+    stale = _stale(folder, plan.area.source, set(files)) if overwrite else []
     for name, text in files.items():
         write_whole(folder / name, text, overwrite)
+    for old in stale:
+        old.unlink(missing_ok=True)
     return [folder / name for name in files]
+
+
+def _stale(folder: Path, source: str, names: set[str]) -> list[Path]:
+    """Return the files of an earlier plan in a folder that the new plan does not replace."""
+    if not folder.is_dir():
+        return []
+    old = [p for p in sorted(folder.iterdir()) if p.name not in names]
+    stale = [p for p in old if _OWN.fullmatch(p.name)]
+    # an image's water, left by an earlier plan; but the area itself may bear this name
+    image_area = folder / "area.geojson"
+    if image_area in old and (folder / "report.json").is_file():
+        given = Path(source)
+        if not (given.exists() and given.samefile(image_area)):
+            stale.append(image_area)
+    return stale
