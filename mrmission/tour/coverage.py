@@ -56,13 +56,18 @@ def leg_quads(legs_m: FloatArray, radius_m: float) -> npt.NDArray[np.object_]:
     return shapely.polygons(ring)
 
 
-def leg_buffers(legs_m: FloatArray, radius_m: float) -> npt.NDArray[np.object_]:
-    """Return everything within `radius_m` of each leg of (n, 2, 2)."""
+def leg_lines(legs_m: FloatArray) -> npt.NDArray[np.object_]:
+    """Return each leg of (n, 2, 2) as a line, or as a point when it has no length."""
     moving = np.any(legs_m[:, 0] != legs_m[:, 1], axis=1)
     lines = np.empty(len(legs_m), dtype=object)
     lines[moving] = shapely.linestrings(legs_m[moving])
     lines[~moving] = shapely.points(legs_m[~moving, 0])
-    return shapely.buffer(lines, radius_m, quad_segs=QUAD_SEGS)
+    return lines
+
+
+def leg_buffers(legs_m: FloatArray, radius_m: float) -> npt.NDArray[np.object_]:
+    """Return everything within `radius_m` of each leg of (n, 2, 2)."""
+    return shapely.buffer(leg_lines(legs_m), radius_m, quad_segs=QUAD_SEGS)
 
 
 def _polygons(geometry: shapely.Geometry | npt.NDArray[np.object_]) -> list[shapely.Polygon]:
@@ -148,7 +153,7 @@ def subtract_legs(
     """Return what is left of each piece beyond `radius_m` of every leg of (n, 2, 2)."""
     if len(pieces) == 0 or len(legs_m) == 0:
         return list(pieces)
-    lines = shapely.linestrings(legs_m)
+    lines = leg_lines(legs_m)  # a line of no length is near nothing
     tree = shapely.STRtree(lines)
     piece_index, leg_index = tree.query(pieces, predicate="dwithin", distance=radius_m)
     used = np.unique(leg_index)

@@ -1,0 +1,117 @@
+"""What legs leave uncovered, against plain shapely."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+from lakes import random_lake_m
+
+from mrmission.tour.coverage import Uncovered, leg_buffers, leg_quads, strips_of, subtract_legs
+
+
+def random_legs(rng: np.random.Generator, region: shapely.Geometry, count: int) -> np.ndarray:
+    """Lanes, slanting legs and points, inside and outside."""
+    x_min, y_min, x_max, y_max = region.bounds
+    legs = rng.uniform([x_min - 5, y_min - 5], [x_max + 5, y_max + 5], (count, 2, 2))
+    kind = rng.integers(0, 4, count)
+    legs[kind == 0, 1, 0] = legs[kind == 0, 0, 0]  # along the strips
+    legs[kind == 1, 1] = legs[kind == 1, 0]  # points
+    near = legs[kind == 2]
+    legs[kind == 2, 1] = near[:, 0] + rng.uniform(-4, 4, (len(near), 2))  # short
+    return legs
+
+
+def plain_remainder(region: shapely.Geometry, legs: np.ndarray, radius: float, segments: int):
+    shapes = [
+        shapely.Point(a).buffer(radius, quad_segs=segments)
+        if (a == b).all()
+        else shapely.LineString([a, b]).buffer(radius, quad_segs=segments)
+        for a, b in legs
+    ]
+    return region.difference(shapely.union_all(shapes))
+
+
+@pytest.mark.parametrize("seed", range(25))
+def test_remainder_is_region_minus_buffers(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    region = random_lake_m(rng, float(rng.uniform(50, 300)), int(rng.integers(0, 5)))
+    if seed % 3 == 0:
+        region = shapely.MultiPolygon(
+            [region, shapely.affinity.translate(random_lake_m(rng, 80.0, 1), 400, 30)]
+        )
+    radius = float(rng.uniform(2, 20))
+    legs = random_legs(rng, region, int(rng.integers(1, 60)))
+    uncovered = Uncovered(region, 2 * radius, radius)
+    got = shapely.union_all(uncovered.remainder(legs))
+    expected = plain_remainder(region, legs, radius, 16)
+    assert got.symmetric_difference(expected).area < 1e-6 * region.area
+    # never too generous: beyond the true discs nothing is called covered
+    truth = plain_remainder(region, legs, radius, 200)
+    assert truth.difference(got).area < 1e-6 * region.area
+
+
+def test_pieces_are_sorted_whole_and_above_the_floor() -> None:
+    rng = np.random.default_rng(5)
+    for _ in range(10):
+        region = random_lake_m(rng, 200.0, 3)
+        legs = random_legs(rng, region, 30)
+        uncovered = Uncovered(region, 10.0, 5.0)
+        pieces = uncovered.remainder(legs)
+        areas = [p.area for p in pieces]
+        assert areas == sorted(areas, reverse=True)
+        assert all(isinstance(p, shapely.Polygon) and p.area > 0 for p in pieces)
+        # connected across strips: no two of them share more than points
+        for i, p in enumerate(pieces):
+            assert all(p.intersection(q).length < 1e-6 for q in pieces[:i])
+        floored = uncovered.remainder(legs, floor_m2=5.0)
+        lost = sum(areas) - sum(p.area for p in floored)
+        assert -1e-9 <= lost <= 5.0 * sum(a > 0 for a in areas) + 5.0 * 20
+
+
+def test_no_legs_leave_everything() -> None:
+    region = random_lake_m(np.random.default_rng(2), 100.0, 2)
+    got = Uncovered(region, 10.0, 5.0).remainder(np.zeros((0, 2, 2)))
+    assert sum(p.area for p in got) == pytest.approx(region.area)
+
+
+def test_one_leg_over_all_leaves_nothing() -> None:
+    region = shapely.box(0, 0, 100, 10)
+    uncovered = Uncovered(region, 10.0, 6.0)
+    assert uncovered.remainder(np.array([[[-5.0, 5.0], [105.0, 5.0]]])) == []
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_strips_partition_the_region(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    region = random_lake_m(rng, 200.0, 4)
+    x_min, _, x_max, _ = region.bounds
+    borders = np.linspace(x_min, x_max, int(rng.integers(2, 40)))
+    strips = strips_of(region, borders)
+    assert len(strips) == len(borders) - 1
+    for strip, a, b in zip(strips, borders[:-1], borders[1:], strict=True):
+        assert strip.is_empty or (strip.bounds[0] >= a - 1e-9 and strip.bounds[2] <= b + 1e-9)
+        assert strip.is_valid
+    assert shapely.area(np.array(strips)).sum() == pytest.approx(region.area, rel=1e-9)
+    assert shapely.union_all(strips).symmetric_difference(region).area < 1e-6 * region.area
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_clip_is_the_intersection(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    region = random_lake_m(rng, 200.0, 4)
+    uncovered = Uncovered(region, 9.0, 4.5)
+    for _ in range(20):
+        disc = shapely.Point(rng.uniform(-110, 110, 2)).buffer(float(rng.uniform(0.5, 30)))
+        expected = region.intersection(disc)
+        assert uncovered.clip(disc).symmetric_difference(expected).area < 1e-6
+
+
+def test_quads_and_buffers() -> None:
+    legs = np.array([[[0.0, 0], [0, 10]], [[3, 4], [3, 4]], [[0, 0], [6, 8]]])
+    quads = leg_quads(legs, 2.0)
+    assert shapely.area(quads) == pytest.approx([40, 0, 40])
+    buffers = leg_buffers(legs, 2.0)
+    disc = shapely.Point(0, 0).buffer(2.0, quad_segs=16).area
+    assert shapely.area(buffers) == pytest.approx([40 + disc, disc, 40 + disc])
+    assert subtract_legs(np.zeros(0, dtype=object), legs, 2.0) == []
