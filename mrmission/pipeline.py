@@ -338,9 +338,8 @@ def _finish(
         utilization=sum(r.lanes > 0 for r in robots) / len(robots),
         coverage=covered / planned,
         coverage_survey_legs=covered_by_survey / planned,
-        coverage_of_area=_coverage_of_water(
-            water, list(paths.values()), largest_part, options.swath_m
-        ),
+        coverage_of_area=(covered + _covered_beyond(water, parts, list(paths.values()), options))
+        / water.area,
         largest_missed_m2=largest,
         area_m2=water.area,
         navigable_m2=planned + total_area(unreached),
@@ -400,13 +399,19 @@ def _export(
     )
 
 
-def _coverage_of_water(
-    water: shapely.MultiPolygon, paths: Sequence[CoveragePath], part: PartPlan, swath_m: float
+def _covered_beyond(
+    water: shapely.MultiPolygon,
+    parts: Sequence[PartPlan],
+    paths: Sequence[CoveragePath],
+    options: PlanOptions,
 ) -> float:
-    """Return the share of the whole survey area, the clearance strip included, that is covered."""
-    frame = part.sweep.frame
-    uncovered = Uncovered(frame.turn(water), part.sweep.column_pitch_m, swath_m / 2)
-    return 1 - total_area(uncovered.remainder(fleet_legs(paths, frame))) / water.area
+    """Return the area, m², that is covered outside the planned regions: the clearance strip."""
+    rest = shapely.difference(water, shapely.union_all([p.region_m for p in parts]))
+    if rest.area < 1e-6 * water.area:
+        return 0.0
+    sweep = parts[0].sweep
+    uncovered = Uncovered(sweep.frame.turn(rest), sweep.column_pitch_m, options.swath_m / 2)
+    return float(rest.area) - total_area(uncovered.remainder(fleet_legs(paths, sweep.frame)))
 
 
 def _robot_row(
