@@ -45,6 +45,7 @@ bench: $(READY)
 
 docs: $(READY)
 	$(BIN)/python docs/make_figures.py
+	$(BIN)/python docs/make_cli.py
 
 # tests that look at the map need Chromium; without it they are skipped, by name
 browser:

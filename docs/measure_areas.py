@@ -2,9 +2,9 @@
 
     python docs/measure_areas.py AREAS... --judge score_missions.py --out results.jsonl
 
-Every area is planned for each k, method and clearance at a swath of the longest side of its
-bounding box over 150, overlap 0; for images 5 m at 1 m per pixel. One JSON line per plan, resumable: lines
-that are in the file already are not planned again. `--table` turns the lines into Markdown.
+Every area is planned for each k, method and clearance, overlap 0, at a swath of the longest side
+of its bounding box over 150; images at 1 m per pixel and a swath of 5 m. One JSON line per plan;
+resumable: what is in the file already is not planned again. `--table` makes Markdown of it.
 """
 
 from __future__ import annotations

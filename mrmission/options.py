@@ -8,7 +8,7 @@ from typing import Any
 
 from mrmission.errors import ConfigError
 
-METHODS = ("crc", "cac", "fhk", "nrc")
+METHODS = ("crc", "cac", "fhk", "nrc", "minmax")
 VEHICLES = ("boat", "rover", "copter")
 MIN_LANE_OVERLAP_M = 0.02
 """Lanes lie at least this much closer than the swath, so that rounding opens no gap."""
@@ -59,6 +59,7 @@ class PlanOptions:
     part: int | None = None
     limits: VehicleLimits = VehicleLimits()
     seed: int = 0
+    time_budget_s: float = 5.0
 
     def __post_init__(self) -> None:
         def check(ok: bool, flag: str, value: object, rule: str) -> None:
@@ -83,6 +84,12 @@ class PlanOptions:
             "--method",
             self.method,
             "one of " + ", ".join((*METHODS, "auto")),
+        )
+        check(
+            math.isfinite(self.time_budget_s) and self.time_budget_s >= 0,
+            "--time-budget",
+            self.time_budget_s,
+            "a finite number, 0 or more",
         )
         check(self.vehicle in VEHICLES, "--vehicle", self.vehicle, "one of " + ", ".join(VEHICLES))
         check(

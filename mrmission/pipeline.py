@@ -21,7 +21,7 @@ from mrmission.area.region import (
     parts_by_size,
     snap_start,
 )
-from mrmission.errors import GeometryError, PlanningError
+from mrmission.errors import GeometryError, InfeasibleError, PlanningError
 from mrmission.mission.build import (
     LAUNCH_RADIUS_M,
     BuiltMission,
@@ -54,6 +54,7 @@ from mrmission.tour.timing import TimeModel
 
 AUTO_METHODS = ("crc", "cac")
 MAX_EXPORT_ROUNDS = 6
+MAX_MINMAX_LANES = 4000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -201,34 +202,82 @@ def _plan_part(
         notes.extend(found.notes)
     else:
         homes = starts_m
+        gap = np.hypot(*(homes[:, None] - homes[None]).transpose(2, 0, 1))
+        near = np.argwhere(np.triu(gap < options.berth_spacing_m, 1))
+        if len(near):
+            i, j = near[0]
+            notes.append(
+                f"the starts of robots {robots[i]} and {robots[j]} are {gap[i, j]:.1f} m apart, "
+                f"less than {options.berth_spacing_m:g} m: launch one after the other"
+            )
     bearing = options.angle_deg
     if bearing is None:
         bearing = best_bearing_deg(part, spacing, options.survey_speed_m_s, U_TURN_S)
     sweep = sweep_region(part, bearing % 180.0, spacing)
     harbour = Harbour(part, homes)
-    book = PieceBook(sweep, harbour, time)
-    problem = _problem(sweep, harbour, book, homes, time)
-    methods = AUTO_METHODS if options.method == "auto" else (options.method,)
-    best: tuple[float, tuple[CoveragePath, ...], str] | None = None
-    for method in methods:
-        assignment = PLANNERS[method](problem, len(robots))
-        paths = _paths_of(assignment, book, harbour, homes, time)
-        makespan = max(time.duration_s(p.points_m, p.kind) for p in paths)
-        if best is None or makespan < best[0]:
-            best = (makespan, paths, method)
-    assert best is not None
+    if options.method == "minmax":
+        method, paths = "minmax", _lane_paths(sweep, harbour, homes, time, options)
+    else:
+        method, paths = _cell_paths(sweep, harbour, homes, time, options)
     radius = options.swath_m / 2
     uncovered = Uncovered(sweep.region, sweep.column_pitch_m, radius)
     return PartPlan(
         region_m=part,
         robots=robots,
         homes_m=homes,
-        paths=best[1],
-        method=best[2],
+        paths=paths,
+        method=method,
         sweep=sweep,
         harbour=harbour,
         uncovered=uncovered,
     )
+
+
+def _cell_paths(
+    sweep: Sweep, harbour: Harbour, homes_m: FloatArray, time: TimeModel, options: PlanOptions
+) -> tuple[str, tuple[CoveragePath, ...]]:
+    """Return the method and the paths of a planner of the paper, or of the better of two."""
+    book = PieceBook(sweep, harbour, time)
+    problem = _problem(sweep, harbour, book, homes_m, time)
+    methods = AUTO_METHODS if options.method == "auto" else (options.method,)
+    found = []
+    for method in methods:
+        assignment = PLANNERS[method](problem, len(homes_m))
+        paths = _paths_of(assignment, book, harbour, homes_m, time)
+        makespan = max(time.duration_s(p.points_m, p.kind) for p in paths)
+        found.append((makespan, method, paths))
+    _, method, paths = min(found, key=lambda item: item[0])
+    return method, paths
+
+
+def _lane_paths(
+    sweep: Sweep, harbour: Harbour, homes_m: FloatArray, time: TimeModel, options: PlanOptions
+) -> tuple[CoveragePath, ...]:
+    """Return the paths of the lane planner."""
+    from mrmission.partition.minmax import LaneProblem, minmax
+
+    ends = sweep.frame.to_local(sweep.lane_ends_m())
+    if len(ends) > MAX_MINMAX_LANES:
+        raise InfeasibleError(
+            f"{len(ends)} lanes: --method minmax plans up to {MAX_MINMAX_LANES}; "
+            "choose a wider --swath, or --method auto"
+        )
+    flat = ends.reshape(-1, 2)
+    travel = harbour.distances(flat, flat)
+    tours = minmax(
+        LaneProblem(
+            lane_cost=np.hypot(*(ends[:, 1] - ends[:, 0]).T) / time.survey_speed_m_s,
+            end_cost=(travel + travel.T) / 2 / time.transit_speed_m_s,
+            home_cost=harbour.distances(homes_m, flat) / time.transit_speed_m_s,
+        ),
+        options.time_budget_s,
+        options.seed,
+    )
+    lanes = []
+    for entries in tours.entries:
+        way = ends[entries >> 1]
+        lanes.append(np.where((entries & 1 == 1)[:, None, None], way[:, ::-1], way))
+    return assemble_paths(harbour, lanes)
 
 
 def _problem(
@@ -319,8 +368,10 @@ def _finish(
     makespan = max(r.duration_s for r in robots)
     idle = [str(r.robot) for r in robots if r.lanes == 0]
     if idle:
+        names = ", ".join(idle[:8]) + (" …" if len(idle) > 8 else "")
         notes.append(
-            f"no work for robot {', '.join(idle)}: cells stay whole; the file is empty but valid"
+            f"no work for {len(idle)} of {len(robots)} robots ({names}): cells stay whole; "
+            "their files are empty but valid"
         )
     most = max(robots, key=lambda r: r.items)
     if most.items > options.limits.mission_items:

@@ -56,6 +56,6 @@ def check(
         sys.stdout.write(json.dumps(rows, indent=2) + "\n")
     else:
         for path, violation in found:
-            click.echo(f"{path}: {violation}")
+            click.echo(f"{path}: {violation.message}")
     click.echo(f"{len(plans)} missions, {len(found)} violations", err=True)
     return 1 if found else 0

@@ -106,7 +106,7 @@ _PLAN = [
         type=click.Choice([*METHODS, "auto"]),
         default=DEFAULT.method,
         show_default=True,
-        help="Planner; auto takes the better of crc and cac.",
+        help="Planner; auto takes the better of crc and cac; minmax shares out single lanes.",
     ),
     click.option(
         "--angle",
@@ -151,6 +151,14 @@ _PLAN = [
         default=DEFAULT.limits.fence_bytes,
         show_default=True,
         help="Fence store of a vehicle: 8n + 2 bytes for a polygon of n points.",
+    ),
+    click.option(
+        "--time-budget",
+        "time_budget_s",
+        type=float,
+        default=DEFAULT.time_budget_s,
+        show_default=True,
+        help="Seconds to search (minmax), counted in steps: the same answer on any machine.",
     ),
     click.option(
         "--seed",

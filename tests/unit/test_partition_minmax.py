@@ -1,0 +1,109 @@
+"""The lane planner: every lane once, prices right, never worse than it began, reproducible."""
+
+from __future__ import annotations
+
+from itertools import permutations, product
+
+import numpy as np
+import pytest
+
+from mrmission.partition.minmax import LaneProblem, _nearest_neighbour, _split, minmax, tour_cost
+
+
+def _problem(lanes: int, robots: int, seed: int) -> LaneProblem:
+    rng = np.random.default_rng(seed)
+    foot = rng.uniform(0, 100, (lanes, 2))
+    ends = np.stack([foot, foot + rng.uniform(-30, 30, (lanes, 2))], axis=1).reshape(-1, 2)
+    homes = rng.uniform(0, 100, (robots, 2))
+    travel = np.hypot(*(ends[:, None] - ends[None]).transpose(2, 0, 1))
+    return LaneProblem(
+        lane_cost=np.hypot(*(ends[::2] - ends[1::2]).T),
+        end_cost=travel,
+        home_cost=np.hypot(*(homes[:, None] - ends[None]).transpose(2, 0, 1)),
+    )
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_every_lane_once_and_the_price_is_the_price(seed: int) -> None:
+    rng = np.random.default_rng(100 + seed)
+    lanes, robots = int(rng.integers(1, 60)), int(rng.integers(1, 9))
+    problem = _problem(lanes, robots, seed)
+    first = minmax(problem, 0.0)
+    tours = minmax(problem, 0.02, seed)
+    swept = np.sort(np.concatenate(tours.entries) >> 1)
+    assert swept.tolist() == list(range(lanes))
+    for robot, entries in enumerate(tours.entries):
+        assert tours.cost[robot] == pytest.approx(tour_cost(problem, robot, entries), rel=1e-9)
+    assert tours.cost.max() <= first.cost.max() + 1e-9
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_no_robot_idles_while_another_has_two_lanes(seed: int) -> None:
+    for lanes, robots in ((3, 8), (8, 8), (20, 7)):
+        tours = minmax(_problem(lanes, robots, seed), 0.02, seed)
+        sizes = [len(entries) for entries in tours.entries]
+        assert min(sizes) > 0 or max(sizes) <= 1
+
+
+def test_same_seed_same_answer_and_other_seeds_differ() -> None:
+    problem = _problem(60, 4, 1)
+    one, two = minmax(problem, 0.05, 7), minmax(problem, 0.05, 7)
+    assert all(np.array_equal(a, b) for a, b in zip(one.entries, two.entries, strict=True))
+    other = minmax(problem, 0.05, 8)
+    assert any(
+        len(a) != len(b) or not np.array_equal(a, b)
+        for a, b in zip(one.entries, other.entries, strict=True)
+    )
+
+
+def _optimum(problem: LaneProblem) -> float:
+    """Return the least makespan over all assignments that leave no robot idle."""
+    lanes, robots = len(problem.lane_cost), len(problem.home_cost)
+    single = {}
+    for robot in range(robots):
+        for mask in range(1 << lanes):
+            members = [i for i in range(lanes) if mask >> i & 1]
+            best = 0.0 if not members else np.inf
+            for order in permutations(members):
+                for turned in product((0, 1), repeat=len(members)):
+                    if members:
+                        entries = 2 * np.array(order) + np.array(turned)
+                        best = min(best, tour_cost(problem, robot, entries))
+            single[robot, mask] = best
+    full = (1 << lanes) - 1
+    reach = {0: 0.0}
+    for robot in range(robots):
+        new: dict[int, float] = {}
+        for done, cost in reach.items():
+            rest = full & ~done
+            mask = rest
+            while mask:
+                value = max(cost, single[robot, mask])
+                if value < new.get(done | mask, np.inf):
+                    new[done | mask] = value
+                mask = (mask - 1) & rest
+        reach = new
+    return reach[full]
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_small_cases_are_solved_to_the_optimum(seed: int) -> None:
+    problem = _problem(5, 2, seed)
+    found = min(minmax(problem, 0.05, s).cost.max() for s in range(3))
+    assert found == pytest.approx(_optimum(problem), rel=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_first_split_is_as_even_as_that_order_allows(seed: int) -> None:
+    problem = _problem(7, 3, seed)
+    order = _nearest_neighbour(problem)
+    homes = np.tile(problem.home_cost.mean(axis=0), (3, 1))
+    even = LaneProblem(lane_cost=problem.lane_cost, end_cost=problem.end_cost, home_cost=homes)
+    routes, sizes = _split(even, order, 3)
+    got = max(tour_cost(even, r, routes[r, : sizes[r]]) for r in range(3))
+    cuts = [
+        max(tour_cost(even, r, part) for r, part in enumerate(np.split(order, [a, b])))
+        for a in range(8)
+        for b in range(a, 8)
+    ]
+    assert got == pytest.approx(min(cuts), rel=1e-9)
