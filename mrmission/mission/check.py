@@ -290,7 +290,7 @@ def _check_water(
             found.append(
                 Violation(
                     rule="water", item=items[i + 1], value=float(outside.length), limit=0.0,
-                    message=f"the leg to item {items[i + 1]} at {lat:.7f}, {lon:.7f} runs "
+                    message=f"the leg to item {items[i + 1]} at {lon:.7f},{lat:.7f} runs "
                     f"{outside.length:.2f} m outside the water less {clearance_m:g} m",
                 )
             )  # fmt: skip

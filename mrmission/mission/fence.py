@@ -179,13 +179,13 @@ def _notes(
     notes = []
     budget = f"{limits.fence_bytes} bytes"
     if fit.land_m2 >= PLACE_M2 and places:
-        where = ", ".join(f"{a:,.0f} m² at {lat:.5f}, {lon:.5f}" for a, lon, lat in places[:3])
+        where = ", ".join(f"{a:,.0f} m² at {lon:.5f},{lat:.5f}" for a, lon, lat in places[:3])
         more = f" and {len(places) - 3} more" if len(places) > PLACES_NAMED else ""
         notes.append(
             f"the fence takes in {fit.land_m2:,.0f} m² of land to fit into {budget}: {where}{more}"
         )
     if left_out:
-        where = ", ".join(f"{lat:.5f}, {lon:.5f}" for _, lon, lat in left_out[:3])
+        where = ", ".join(f"{lon:.5f},{lat:.5f}" for _, lon, lat in left_out[:3])
         more = f" and {len(left_out) - 3} more" if len(left_out) > PLACES_NAMED else ""
         notes.append(
             f"{len(left_out)} islands inside the fence have no exclusion, the budget of {budget} "

@@ -19,7 +19,9 @@ import shapely
 from shapely.geometry.polygon import orient
 
 from mrmission.errors import InfeasibleError
+from mrmission.mission.fence_walls import grid_over, ring_edges, walls_of
 from mrmission.mission.ring_kernel import replay, shorten_ring
+from mrmission.mission.ring_search import improve_rings
 from mrmission.model import FloatArray, IntArray
 from mrmission.options import VehicleLimits
 
@@ -28,6 +30,8 @@ WATER_WEIGHT = 1e-3
 TOUCH_M = 0.3
 """The fence keeps at least this distance from the path, onto land where the shore is nearer."""
 MIN_MARGIN_M = 0.05
+KEEP_INSET_M = 1e-6
+"""Launch circles are held to this: their edge may lie on the shore, where the fence begins."""
 HAZARD_M2 = 1000.0
 """What leaving out an island beside a lane costs on top of its area; falls with its distance."""
 HAZARD_REACH_M = 10.0
@@ -35,6 +39,16 @@ SURROUND_M = 60.0
 """Where the whole shore does not fit, the fence of a robot reaches this far beyond its path."""
 MOST_SQUARES = 150
 """Squares along the longer side of what surrounds a path."""
+SEARCH_LOOKS = 150_000
+"""Edges that the local search may look at, which bounds its time."""
+CLEAR_M = 0.03
+"""What rounding to 1e-7 degrees may take from the distance, and more."""
+ISLANDS_TRIED = 2
+"""Islands that get a second chance after the search, nearest to the path first."""
+MIN_TRIED_SHARE = 0.01
+"""... if they are at least this share of all the land inside."""
+MOST_NEW_POINTS = 4
+"""Points of such a late exclusion; the search shares them out anew."""
 PLACE_M2 = 1.0
 """Pieces of land smaller than this are counted, but not listed."""
 
@@ -133,6 +147,9 @@ def fit_rings(
         )
         if best is None or (other is not None and other[0] < best[0]):
             best = other
+    if best is not None and best[1].land_m2 >= PLACE_M2:
+        search = _Search.of(water_m, water, shown, path_m, margin_m, limits)
+        best = _improved(best, search, path, need, reach)
     if best is None:
         raise InfeasibleError(
             f"no fence around the path fits into {limits.fence_bytes} bytes with "
@@ -140,6 +157,145 @@ def fit_rings(
             "larger fence storage, or a larger --clearance"
         )
     return best[1]
+
+
+@dataclass(frozen=True, slots=True)
+class _Search:
+    """What the local search of one fence needs, again and again."""
+
+    water_m: shapely.Polygon
+    water: shapely.Polygon
+    shown: Any
+    lines: tuple[shapely.Geometry, ...]
+    middle: FloatArray
+    walls: FloatArray
+    grid: FloatArray
+    shore: FloatArray
+    limits: VehicleLimits
+
+    @classmethod
+    def of(
+        cls,
+        water_m: shapely.Polygon,
+        water: shapely.Polygon,
+        shown: Any,
+        path_m: Sequence[shapely.Geometry],
+        margin_m: float,
+        limits: VehicleLimits,
+    ) -> _Search:
+        walls = walls_of(water, path_m, margin_m)
+        # near the origin numbers are small and their products exact enough
+        middle = shapely.get_coordinates(shown)[0]
+        four = np.concatenate([middle, middle])
+        return cls(
+            water_m,
+            water,
+            shown,
+            tuple(g for g in path_m if g.geom_type not in ("Polygon", "MultiPolygon")),
+            middle,
+            walls - four,
+            grid_over(walls - four),
+            ring_edges(orient(water_m)) - four,
+            limits,
+        )
+
+    def improved(self, rings: Sequence[FloatArray]) -> tuple[float, RingFit] | None:
+        """Return the fence that a local search makes of an inclusion and exclusions."""
+        rings = [_turned(r, 1.0 if i == 0 else -1.0) for i, r in enumerate(rings)]
+        shells = [shapely.Polygon(r) for r in rings]
+        # an exclusion that sticks out of the inclusion would gain land that is not inside
+        fixed = [False, *(not shells[0].contains_properly(e) for e in shells[1:])]
+        limits = self.limits
+        used = sum(limits.fence_bytes_of(len(r)) for r in rings)
+        per_point = limits.fence_bytes_of(1) - limits.fence_bytes_of(0)
+        points, number = improve_rings(
+            np.ascontiguousarray(np.vstack(rings) - self.middle),
+            np.repeat(np.arange(len(rings)), [len(r) for r in rings]),
+            np.array(fixed),
+            (limits.fence_bytes - used) // per_point,
+            limits.fence_polygon_points,
+            self.walls,
+            self.grid,
+            self.shore,
+            np.zeros(2),
+            WATER_WEIGHT,
+            SEARCH_LOOKS,
+        )
+        rings = [points[number == i] + self.middle for i in range(len(rings))]
+        shells = [shapely.Polygon(r) for r in rings]
+        if not all(e.is_valid for e in shells):
+            return None
+        shapely.prepare(shells)
+        if not all(shells[0].contains_properly(g) for g in self.lines):
+            return None
+        for exclusion, still in zip(shells[1:], fixed[1:], strict=True):
+            if any(shapely.dwithin(exclusion, g, CLEAR_M) for g in self.lines):
+                return None
+            if not (still or shells[0].contains_properly(exclusion)):
+                return None
+        fit = _report(self.water_m, self.shown, rings[0], rings[1:], limits)
+        return _cost(fit, self.shown), fit
+
+
+def _improved(
+    best: tuple[float, RingFit],
+    search: _Search,
+    path: FloatArray,
+    need: FloatArray,
+    reach: FloatArray,
+) -> tuple[float, RingFit]:
+    """Return the fence after a local search, with islands let in that turn out worth their points.
+
+    An exclusion takes 26 bytes, three points of the shore and a bit: after the search the shore may
+    do without them.
+    """
+    found = search.improved([best[1].inclusion, *best[1].exclusions])
+    if found is not None and found[0] < best[0]:
+        best = found
+    islands = list(search.water.interiors)
+    tree = shapely.STRtree([shapely.Polygon(r) for r in islands])
+    limits = search.limits
+    for area, x, y in best[1].islands_left_out_m[:ISLANDS_TRIED]:
+        fit = best[1]
+        if area < MIN_TRIED_SHARE * fit.land_m2:
+            break
+        (index,) = tree.query(shapely.Point(x, y), "within")[:1].tolist() or [-1]
+        if index < 0:
+            break
+        hole = _shorten(
+            _turned(shapely.get_coordinates(islands[index])[:-1], -1.0), path, need, reach, limits
+        )
+        least = len(hole.ring) - len(hole.moves)
+        if least > MOST_NEW_POINTS:
+            break
+        new = _made(hole, len(hole.moves) - max(0, MOST_NEW_POINTS - least))
+        shell = _shorten(_turned(fit.inclusion, 1.0), path, need, reach, limits)
+        short = fit.bytes_used + limits.fence_bytes_of(len(new)) - limits.fence_bytes
+        gone = max(0, -(-short // (limits.fence_bytes_of(1) - limits.fence_bytes_of(0))))
+        if gone > len(shell.moves):
+            break
+        found = search.improved([_made(shell, gone), *fit.exclusions, new])
+        # a farther one never comes before a nearer one
+        if found is None or found[0] >= best[0]:
+            break
+        best = found
+    return best
+
+
+def _turned(ring: FloatArray, sign: float) -> FloatArray:
+    """Return a ring in counter-clockwise (1) or clockwise (-1) order."""
+    x, y = (ring - ring[0]).T
+    area = float(np.dot(x, np.roll(y, -1)) - np.dot(np.roll(x, -1), y))
+    return ring if area * sign > 0 else ring[::-1]
+
+
+def _cost(fit: RingFit, shown: Any) -> float:
+    """Return the land of a fence and the hazard of the islands that it leaves out, m²."""
+    hazard = sum(
+        HAZARD_M2 * HAZARD_REACH_M / (HAZARD_REACH_M + shapely.distance(shown, shapely.Point(x, y)))
+        for _, x, y in fit.islands_left_out_m
+    )
+    return float(fit.land_m2 + hazard)
 
 
 def _segments(
@@ -157,7 +313,7 @@ def _segments(
         need.append(np.full(len(points) - 1, wanted_m))
         reach.append(np.full(len(points) - 1, least_m))
 
-    inset_m = MIN_MARGIN_M
+    inset_m = KEEP_INSET_M
     for geometry in path_m:
         for part in shapely.get_parts(geometry):
             if part.is_empty:
@@ -168,7 +324,7 @@ def _segments(
                 for piece in shapely.get_parts(inner):
                     for ring in (piece.exterior, *piece.interiors):
                         if not piece.is_empty:
-                            add(shapely.get_coordinates(ring), 0.8 * inset_m, 0.5 * inset_m)
+                            add(shapely.get_coordinates(ring), 0.9 * inset_m, 0.5 * inset_m)
             else:
                 add(shapely.get_coordinates(part), margin_m, 0.8 * touch_m)
     if not rows:
@@ -292,12 +448,7 @@ def _fit(
             inclusion = _made(shell, made[0])
     exclusions = [_made(islands[i], k) for i, k in zip(wanted, made[1:], strict=True)]
     fit = _report(water_m, shown, inclusion, exclusions, limits)
-    # the true cost: land, the hazard of islands left out, and a trifle for water given up
-    hazard = sum(
-        HAZARD_M2 * HAZARD_REACH_M / (HAZARD_REACH_M + shapely.distance(shown, shapely.Point(x, y)))
-        for _, x, y in fit.islands_left_out_m
-    )
-    return fit.land_m2 + hazard, fit
+    return _cost(fit, shown), fit
 
 
 def _shorten(
@@ -368,7 +519,10 @@ def _report(
     for i in np.sort(shapely.STRtree(islands).query(inside, "intersects")).tolist():
         fenced = shapely.intersection(islands[i], inside).area
         # an exclusion may cover a neighbour too, and an island may lie half beyond the inclusion
-        if fenced > 0 and shapely.intersection(islands[i], allowed).area > 0.5 * fenced:
+        if (
+            fenced > 0.5 * islands[i].area
+            and shapely.intersection(islands[i], allowed).area > 0.5 * fenced
+        ):
             at = shapely.point_on_surface(islands[i])
             away = float(shapely.distance(shown, islands[i]))
             left_out.append((away, (float(islands[i].area), float(at.x), float(at.y))))

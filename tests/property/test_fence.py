@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mrmission.errors import InfeasibleError
+from mrmission.mission import fence_rings
 from mrmission.mission.check import check_fence
 from mrmission.mission.fence import fit_fence
 from mrmission.mission.fence_rings import TOUCH_M, fit_rings
@@ -182,8 +184,15 @@ def test_islands_that_lanes_pass_nearest_come_first() -> None:
         near = [d for d, i in zip(distance, islands, strict=True) if not any(map(i.contains, left))]
         assert far
         assert near
-        assert max(near) <= min(far) + 1e-9
-        assert fit.land_m2 > 150 * len(far)
+        # a farther island is only kept out by an exclusion that a nearer one has anyway
+        for away, island in zip(distance, islands, strict=True):
+            if away in near and away > min(far):
+                (own,) = [e for e in map(shapely.Polygon, fit.exclusions) if e.intersects(island)]
+                assert any(
+                    d < min(far) and own.intersects(i)
+                    for d, i in zip(distance, islands, strict=True)
+                )
+        assert fit.land_m2 > 100 * len(far)
 
 
 def test_a_budget_below_a_triangle_is_refused() -> None:
@@ -222,3 +231,43 @@ def test_same_input_same_fence() -> None:
     first, second = (fit_rings(water, [path], MARGIN_M, limits) for _ in range(2))
     assert first.inclusion.tobytes() == second.inclusion.tobytes()
     assert [e.tobytes() for e in first.exclusions] == [e.tobytes() for e in second.exclusions]
+
+
+def test_the_search_gives_land_back_and_breaks_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    limits = VehicleLimits(fence_bytes=8 * 40 + 2 * 4)
+    for seed, clearance in ((1, 0.0), (2, 6.0), (4, 0.0), (5, 15.0)):
+        water = lake(seed, 150, 6)
+        path = tour(water, clearance, seed, 40)
+        keep = shapely.intersection(water, shapely.Point(path.coords[0]).buffer(15))
+        after = fit_rings(water, [path, keep], MARGIN_M, limits)
+        judge(after, water, path, keep, limits, MARGIN_M)
+        with monkeypatch.context() as patched:
+            patched.setattr(fence_rings, "_improved", lambda best, *_: best)
+            before = fit_rings(water, [path, keep], MARGIN_M, limits)
+        assert before.land_m2 > 100
+        assert after.land_m2 < 0.95 * before.land_m2
+
+
+def test_the_search_finds_the_least_enclosing_polygon() -> None:
+    # the least k-gon around a circle is the regular one that touches it at its edges' middles
+    angle = np.arange(400) * 2 * math.pi / 400
+    ring = 100 * np.column_stack([np.cos(angle), np.sin(angle)])
+    path = shapely.LineString([(-90, 0), *(0.95 * np.vstack([ring, ring[:1]]))])
+    for corners in (5, 6, 9):
+        limits = VehicleLimits(fence_bytes=8 * corners + 2)
+        fit = fit_rings(shapely.Polygon(ring), [path], 4.9, limits)
+        radius = 95 + 4.9
+        least = corners * radius**2 * math.tan(math.pi / corners)
+        assert shapely.Polygon(fit.inclusion).area < 1.02 * least
+
+
+def test_notes_say_lon_lat() -> None:
+    water = lake(1, 120, 4)
+    path = tour(water, 0.0, 1, 30)
+    limits = VehicleLimits(fence_bytes=8 * 14 + 2)
+    fit = fit_fence(
+        water, [shapely.get_coordinates(path)], MARGIN_M, limits, frame=FlatFrame(lon=25, lat=60)
+    )
+    places = re.findall(r"(-?\d+\.\d{5}),(-?\d+\.\d{5})", " ".join(fit.notes))
+    assert places
+    assert all(24 < float(lon) < 26 and 59 < float(lat) < 61 for lon, lat in places)
