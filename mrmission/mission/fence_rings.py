@@ -35,6 +35,8 @@ KEEP_INSET_M = 1e-6
 HAZARD_M2 = 1000.0
 """What leaving out an island beside a lane costs on top of its area; falls with its distance."""
 HAZARD_REACH_M = 10.0
+RUN = 12
+"""Legs widened at a time: a long line's buffer is noded with itself."""
 SURROUND_M = 60.0
 """Where the whole shore does not fit, the fence of a robot reaches this far beyond its path."""
 MOST_SQUARES = 150
@@ -341,9 +343,18 @@ def _with_path(water: shapely.Polygon, lines: Any, touch_m: float) -> shapely.Po
     close = legs[outside | shapely.dwithin(rings, legs, touch_m)] if len(legs) else legs
     if len(close) == 0:
         return water
+    # one line of those that follow each other: their buffers need not be united afterwards
+    ends = shapely.get_coordinates(close).reshape(-1, 4)
+    breaks = np.flatnonzero(np.any(ends[1:, :2] != ends[:-1, 2:], axis=1)) + 1
+    runs = []
+    for run in np.split(ends, breaks):
+        points = np.vstack([run[:, :2], run[-1:, 2:]])
+        runs += [
+            shapely.LineString(points[i : i + RUN + 1]) for i in range(0, len(points) - 1, RUN)
+        ]
     # a buffer's arcs lie inside the true circle: 5 % more keeps the distance everywhere
     wide = shapely.union_all(
-        [water, *shapely.buffer(close, 1.05 * touch_m, quad_segs=4, join_style="round")]
+        [water, *shapely.buffer(runs, 1.05 * touch_m, quad_segs=4, join_style="round")]
     )
     return _part_of(wide, lines)
 

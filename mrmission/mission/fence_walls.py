@@ -58,18 +58,14 @@ def walls_of(
 
 
 def _around(water: shapely.Polygon, points: FloatArray, margin_m: float) -> list[Any]:
-    legs = shapely.linestrings(np.stack([points[:-1], points[1:]], axis=1))
     rings = water.boundary
     shapely.prepare(rings)
-    near = shapely.dwithin(rings, legs, margin_m)
+    lines = np.array(
+        [shapely.LineString(points[i : i + CHUNK + 1]) for i in range(0, len(points) - 1, CHUNK)]
+    )
+    touched = shapely.dwithin(rings, lines, margin_m)
     # arcs half inside, half outside of the true circle
-    wide = shapely.buffer(legs, 1.004 * margin_m, quad_segs=6)
-    count = math.ceil(len(legs) / CHUNK)
-    padded = np.full(count * CHUNK, None, dtype=object)
-    padded[: len(legs)] = wide
-    chunks = shapely.union_all(padded.reshape(count, CHUNK), axis=1)
-    lines = [shapely.multilinestrings(legs[i : i + CHUNK]) for i in range(0, len(legs), CHUNK)]
-    touched = np.logical_or.reduceat(near, np.arange(0, len(legs), CHUNK))
+    chunks = shapely.buffer(lines, 1.004 * margin_m, quad_segs=6)
     out: list[Any] = chunks[~touched].tolist()
     todo = np.flatnonzero(touched)
     for first in range(0, len(todo), BLOCK):
@@ -80,7 +76,7 @@ def _around(water: shapely.Polygon, points: FloatArray, margin_m: float) -> list
             shapely.intersection(chunks[block], local), return_index=True
         )
         # water beyond a spit is no part of what the path needs
-        out.extend(parts[shapely.intersects(parts, np.array(lines)[block][index])].tolist())
+        out.extend(parts[shapely.intersects(parts, lines[block][index])].tolist())
     held: list[Any] = shapely.buffer(np.array(out), -PEEL_M, join_style="mitre").tolist()
     return held
 
