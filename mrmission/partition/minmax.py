@@ -24,7 +24,7 @@ the seed, never on the machine's speed."""
 NEIGHBOURS = 10
 MAX_SEGMENT = 6
 FIRST_POWER, LAST_POWER = 6.0, 160.0
-FIRST_HEAT, LAST_HEAT = 0.3, 0.003
+FIRST_HEAT, LAST_HEAT = 0.1, 0.001
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -270,7 +270,7 @@ def _anneal(routes, sizes, cost, lane, ends, home, near, steps, state):  # type:
             if a == b:
                 new_a = cost[a] - into - out + join + left + right - gap
                 gain = (new_a / reference) ** power - (cost[a] / reference) ** power
-                if gain > luck * 0.05:
+                if gain > luck:
                     continue
                 k = 0
                 for i in range(na + 1):
@@ -297,7 +297,7 @@ def _anneal(routes, sizes, cost, lane, ends, home, near, steps, state):  # type:
                     - (cost[a] / reference) ** power
                     - (cost[b] / reference) ** power
                 )
-                if gain > luck * 0.05 or na == last - first + 1:
+                if gain > luck or na == last - first + 1:
                     continue
                 count = last - first + 1
                 for i in range(count):
@@ -333,7 +333,7 @@ def _anneal(routes, sizes, cost, lane, ends, home, near, steps, state):  # type:
                 old_out, new_out = ends[tail, routes[a, last + 1]], ends[head, routes[a, last + 1]]
             new_a = cost[a] - old_in - old_out + new_in + new_out
             gain = (new_a / reference) ** power - (cost[a] / reference) ** power
-            if gain > luck * 0.05:
+            if gain > luck:
                 continue
             while first <= last:
                 left_end, right_end = routes[a, first] ^ 1, routes[a, last] ^ 1
@@ -407,7 +407,7 @@ def _anneal(routes, sizes, cost, lane, ends, home, near, steps, state):  # type:
                 - (cost[a] / reference) ** power
                 - (cost[b] / reference) ** power
             )
-            if gain > luck * 0.05:
+            if gain > luck:
                 continue
             ka, kb = 0, 0
             for i in range(cut_a):
