@@ -46,7 +46,7 @@ def cases(areas: list[Path], robots: list[int], methods: list[str]) -> list[dict
     return out
 
 
-def run(case: dict[str, Any], judge: str) -> dict[str, Any]:
+def run(case: dict[str, Any], judge: str, fence: bool) -> dict[str, Any]:
     """Plan one case, score its files, return the figures."""
     path = Path(case["area"])
     image = path.suffix in IMAGE_SUFFIXES
@@ -71,6 +71,7 @@ def run(case: dict[str, Any], judge: str) -> dict[str, Any]:
                 clearance_m=clearance,
                 method=case["method"],
                 starts_lonlat=(start,),
+                fence=fence,
             ),
         )
     except MrMissionError as error:
@@ -147,6 +148,7 @@ def main() -> None:
     parser.add_argument("--k", type=int, action="append")
     parser.add_argument("--method", action="append")
     parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--no-fence", action="store_true", help="the judge looks at paths only")
     parser.add_argument("--table", action="store_true")
     args = parser.parse_args()
     done = []
@@ -163,7 +165,7 @@ def main() -> None:
         if tuple(case[key] for key in keys) not in seen
     ]
     with ProcessPoolExecutor(args.workers) as pool, args.out.open("a") as stream:
-        futures = [pool.submit(run, case, args.judge) for case in todo]
+        futures = [pool.submit(run, case, args.judge, not args.no_fence) for case in todo]
         for case, future in zip(todo, futures, strict=True):
             try:
                 row = future.result()

@@ -13,7 +13,7 @@ import shapely
 from mrmission.errors import InfeasibleError
 from mrmission.mission import mavlink
 from mrmission.mission.check import check_fence
-from mrmission.mission.fence_rings import PLACE_M2, RingFit, fit_rings
+from mrmission.mission.fence_rings import PLACE_M2, RingFit, fit_hull, fit_rings
 from mrmission.mission.mavlink import wrap_lon_deg
 from mrmission.model import FencePolygon, FloatArray, IntArray, read_only
 from mrmission.options import VehicleLimits
@@ -118,19 +118,29 @@ def fit_fence(
         ]
         water = max(parts, key=lambda p: p.area)
     plane = [shapely.transform(g, to_plane) for g in given]
+
+    def rounded(fit: RingFit) -> tuple[tuple[FencePolygon, ...], str]:
+        """Return the polygons of a fit in 1e-7 degrees, and what is wrong with them."""
+        polygons = tuple(
+            FencePolygon(inclusion=i == 0, points_e7=read_only(ring_e7(ring)))
+            for i, ring in enumerate((fit.inclusion, *fit.exclusions))
+        )
+        for geometry in plane[: len(lines)]:
+            for part in shapely.get_parts(geometry):
+                wrong = check_fence(polygons, to_e7(shapely.get_coordinates(part)))
+                if wrong:
+                    return polygons, wrong[0].message
+        return polygons, ""
+
     fit = fit_rings(water, plane, margin_m, limits)
-    polygons = tuple(
-        FencePolygon(inclusion=i == 0, points_e7=read_only(ring_e7(ring)))
-        for i, ring in enumerate((fit.inclusion, *fit.exclusions))
-    )
-    for geometry in plane[: len(lines)]:
-        for part in shapely.get_parts(geometry):
-            wrong = check_fence(polygons, to_e7(shapely.get_coordinates(part)))
-            if wrong:
-                raise InfeasibleError(
-                    f"the fence does not hold the path ({wrong[0].message}): use --no-fence "
-                    "or a larger --clearance"
-                )
+    polygons, wrong = rounded(fit)
+    if wrong:  # water so narrow that rounding is as wide: a plain hull holds it
+        fit = fit_hull(water, plane, margin_m, limits)
+        polygons, wrong = rounded(fit)
+    if wrong:
+        raise InfeasibleError(
+            f"the fence does not hold the path ({wrong}): use --no-fence or a larger --clearance"
+        )
 
     def lonlat_of(row: tuple[float, float, float]) -> tuple[float, float, float]:
         lon, lat = (np.array(row[1:]) / scale + origin).tolist()

@@ -41,7 +41,7 @@ SURROUND_M = 60.0
 """Where the whole shore does not fit, the fence of a robot reaches this far beyond its path."""
 MOST_SQUARES = 150
 """Squares along the longer side of what surrounds a path."""
-SEARCH_LOOKS = 150_000
+SEARCH_LOOKS = 60_000
 """Edges that the local search may look at, which bounds its time."""
 CLEAR_M = 0.03
 """What rounding to 1e-7 degrees may take from the distance, and more."""
@@ -73,6 +73,36 @@ class RingFit:
     islands_left_out_m: tuple[tuple[float, float, float], ...]
     points: int
     bytes_used: int
+
+
+def fit_hull(
+    water_m: shapely.Polygon,
+    given_m: Sequence[shapely.Geometry],
+    margin_m: float,
+    limits: VehicleLimits,
+) -> RingFit:
+    """Return the plainest fence: the hull of everything given, by the margin, no exclusions."""
+    hull = shapely.union_all([shapely.convex_hull(g) for g in given_m]).convex_hull
+    shell = shapely.buffer(hull, max(margin_m, 1.0), quad_segs=2)
+    points = shapely.get_coordinates(shell)[:-1]
+    most = min(limits.fence_polygon_points, (limits.fence_bytes - 2) // 8)
+    if len(points) > most:
+        points = shapely.get_coordinates(shapely.minimum_rotated_rectangle(shell))[:-1]
+    shell = shapely.Polygon(points)
+    land = shapely.difference(shell, water_m)
+    pieces = sorted((p for p in shapely.get_parts(land) if p.area > 0), key=lambda p: -p.area)
+    inner = [(p, p.representative_point()) for p in pieces]
+    islands = [shapely.Polygon(ring) for ring in water_m.interiors]
+    held = [p for p in islands if shell.intersection(p).area > p.area / 2]
+    return RingFit(
+        inclusion=points,
+        exclusions=(),
+        land_m2=float(land.area),
+        land_places_m=tuple((p.area, at.x, at.y) for p, at in inner),
+        islands_left_out_m=tuple((p.area, p.centroid.x, p.centroid.y) for p in held),
+        points=len(points),
+        bytes_used=limits.fence_bytes_of(len(points)),
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -229,6 +259,12 @@ class _Search:
             return None
         shapely.prepare(shells)
         if not all(shells[0].contains_properly(g) for g in self.lines):
+            return None
+        room = shapely.buffer(shells[0], 1e-6)
+        kept = [g for g in shapely.get_parts(shapely.get_parts(self.shown)) if g.area > 0]
+        if not all(room.covers(g) for g in kept):
+            return None
+        if any(e.intersection(g).area > 1e-6 for e in shells[1:] for g in kept):
             return None
         for exclusion, still in zip(shells[1:], fixed[1:], strict=True):
             if any(shapely.dwithin(exclusion, g, CLEAR_M) for g in self.lines):

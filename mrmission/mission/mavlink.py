@@ -65,8 +65,8 @@ def degrees(value_e7: int) -> float:
     Readers that truncate exist (MAVSDK 4.1 does), so where ``value / 1e7 * 1e7`` falls short of
     the integer the next float away from zero is taken.
 
-    >>> int(299769035 / 1e7 * 1e7), int(degrees(299769035) * 1e7)
-    (299769034, 299769035)
+    >>> int(29749744 / 1e7 * 1e7), int(degrees(29749744) * 1e7)
+    (29749743, 29749744)
     """
     value = value_e7 / 1e7
     while int(value * 1e7) != value_e7:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from mrmission.errors import InfeasibleError
@@ -124,6 +124,7 @@ def judge(fit, water, path, keep, limits, margin) -> None:
     points=st.integers(4, 90),
     legs=st.integers(1, 40),
 )
+@example(seed=20, vertices=102, islands=6, clearance=1.0, points=5, legs=2)
 def test_the_path_stays_inside(
     seed: int, vertices: int, islands: int, clearance: float, points: int, legs: int
 ) -> None:
