@@ -4,6 +4,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+DEV := $(VENV)/.dev
 WORKERS ?= 2
 
 .PHONY: demo test check types unit wheel bench docs browser clean
@@ -11,39 +12,44 @@ WORKERS ?= 2
 demo: $(READY)
 	$(BIN)/mrmission upload geofences/demo_lake.geojson --k 6 --simulate --out demo-out --overwrite
 
-test: $(READY) check types unit wheel
+test: $(DEV) check types unit wheel
 
 # a virtual environment in the checkout, the pinned packages, this package, warm inner loops
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -c 'import sys; assert sys.version_info >= (3, 11), "Python 3.11 or newer is needed, this is " + sys.version'
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check "pip>=25.1"
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --group dev --editable .
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable .
 	$(BIN)/mrmission warm
 	touch $(READY)
 
-check: $(READY)
+# what tests, checks and figures need beyond the package
+$(DEV): $(READY)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check "pip>=25.1"
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --group dev
+	touch $(DEV)
+
+check: $(DEV)
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 
-types: $(READY)
+types: $(DEV)
 	$(BIN)/mypy
 
-unit: $(READY)
+unit: $(DEV)
 	$(BIN)/pytest -n $(WORKERS) --doctest-modules mrmission tests
 
 # the wheel, installed in an environment that has never seen the checkout
-wheel: $(READY)
+wheel: $(DEV)
 	rm -rf build/wheel && mkdir -p build/wheel
 	$(BIN)/python -m build --quiet --wheel --outdir build/wheel .
 	$(PYTHON) -m venv build/wheel/venv
 	build/wheel/venv/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt build/wheel/*.whl
 	cd build/wheel && venv/bin/mrmission --version && venv/bin/mrmission plan ../../geofences/demo_lake.geojson --k 2 --swath 40 --out out
 
-bench: $(READY)
+bench: $(DEV)
 	$(BIN)/pytest tests/benchmarks -s
 
-docs: $(READY)
+docs: $(DEV)
 	$(BIN)/python docs/make_figures.py
 	$(BIN)/python docs/make_cli.py
 

@@ -113,29 +113,52 @@ def run(case: dict[str, Any], judge: str, fence: bool) -> dict[str, Any]:
     return result
 
 
+def label(row: dict[str, Any], rows: list[dict[str, Any]]) -> str:
+    """Return the name of an area, with its folder where two share a name."""
+    path = Path(row["area"])
+    twins = {r["area"] for r in rows if r["name"] == row["name"]}
+    return path.stem if len(twins) == 1 else f"{path.parent.name}/{path.stem}"
+
+
 def table(rows: list[dict[str, Any]]) -> str:
-    """Return the worst figures of each area as Markdown."""
+    """Return the worst figures of each area, and the mean ratio of each method, as Markdown."""
+    robots = sorted({r["k"] for r in rows})
+    methods = [m for m in METHODS if any(r["method"] == m for r in rows)]
     lines = [
-        "| area | plans | least coverage | largest missed, % of swath² | outside, m | closed, m "
-        "| longest / area bound, best method at k = " + str(max(r["k"] for r in rows)) + " |",
-        "| --- | ---: | ---: | ---: | ---: | ---: | ---: |",
+        "| area | plans | least coverage | largest missed, % of swath² | outside, m | home, m |",
+        "| --- | ---: | ---: | ---: | ---: | ---: |",
     ]
-    top = max(r["k"] for r in rows)
-    for name in sorted({r["name"] for r in rows}):
-        mine = [r for r in rows if r["name"] == name and "score" in r]
-        if not mine:
-            lines.append(f"| {name} | 0 | | | | | |")
-            continue
-        best = min(r["makespan_s"] / r["bound_s"] for r in mine if r["k"] == top)
+    groups: dict[str, list[dict[str, Any]]] = {}
+    for row in rows:
+        groups.setdefault(label(row, rows), []).append(row)
+    for name in sorted(groups):
+        mine = [r for r in groups[name] if "score" in r]
+        scores = [r["score"] for r in mine]
+        missed = max(100 * r["score"]["missed_m2"] / r["swath_m"] ** 2 for r in mine)
         lines.append(
-            f"| {name} | {len(mine)} | {min(r['score']['coverage'] for r in mine):.6f} "
-            f"| {max(100 * r['score']['missed_m2'] / r['swath_m'] ** 2 for r in mine):.3f} "
-            f"| {max(r['score']['outside_m'] for r in mine):.2f} "
-            f"| {max(r['score']['closed_m'] for r in mine):.2f} | {best:.2f} |"
+            f"| {name} | {len(mine)} | {min(s['coverage'] for s in scores):.6f} | {missed:.2f} "
+            f"| {max(s['outside_m'] for s in scores):.2f} "
+            f"| {max(s['closed_m'] for s in scores):.2f} |"
         )
     failed = [r for r in rows if r.get("fails") or "error" in r]
-    lines.append("")
-    lines.append(f"{len(rows)} plans, {len(rows) - len(failed)} of them within every limit.")
+    lines += ["", f"{len(rows)} plans, {len(rows) - len(failed)} of them within every limit.", ""]
+    lines += [
+        "Mean of makespan over area bound (and the worst):",
+        "",
+        "| method | " + " | ".join(f"k = {k}" for k in robots) + " |",
+        "| --- |" + " ---: |" * len(robots),
+    ]
+    for method in methods:
+        cells = []
+        for k in robots:
+            ratios = [
+                r["makespan_s"] / r["bound_s"]
+                for r in rows
+                if r["method"] == method and r["k"] == k and "score" in r
+            ]
+            mean = f"{np.mean(ratios):.2f} ({max(ratios):.2f})" if ratios else ""
+            cells.append(mean)
+        lines.append(f"| {method} | " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
 
 
