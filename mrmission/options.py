@@ -74,7 +74,12 @@ class PlanOptions:
         ):
             check(math.isfinite(value) and value > 0, flag, value, "a finite number above 0")
         check(self.swath_m >= 0.5, "--swath", self.swath_m, "at least 0.5 m")
-        check(0 <= self.overlap < 0.95, "--overlap", self.overlap, "at least 0 and below 0.95")
+        check(
+            0 <= self.overlap < 0.95,
+            "--overlap",
+            self.overlap,
+            "a share (0.1 is 10 %), at least 0 and below 0.95",
+        )
         check(
             math.isfinite(self.clearance_m) and self.clearance_m >= 0,
             "--clearance", self.clearance_m, "a finite number, 0 or more",

@@ -370,8 +370,13 @@ def _finish(
     if idle:
         names = ", ".join(idle[:8]) + (" …" if len(idle) > 8 else "")
         notes.append(
-            f"no work for {len(idle)} of {len(robots)} robots ({names}): cells stay whole; "
-            "their files are empty but valid"
+            f"no work for {len(idle)} of {len(robots)} robots ({names}): "
+            + (
+                "too few lanes"
+                if largest_part.method == "minmax"
+                else "cells are not split further"
+            )
+            + "; their files are empty but valid"
         )
     most = max(robots, key=lambda r: r.items)
     if most.items > options.limits.mission_items:

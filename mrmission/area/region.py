@@ -124,10 +124,15 @@ def snap_start(
     lon, lat = frame.to_lonlat(start)
     water_lon, water_lat = frame.to_lonlat(nearest)
     if distance > limit_m:
+        # Whoever has latitude first, as ground stations do, is told so.
+        swapped = math.hypot(lat - water_lon, lon - water_lat)
+        if swapped < 1 and swapped < math.hypot(lon - water_lon, lat - water_lat):
+            advice = f"longitude comes first: is it {lat:.7f},{lon:.7f}?"
+        else:
+            advice = f"the nearest water is at {water_lon:.7f},{water_lat:.7f}"
         raise GeometryError(
             f"start {lon:.7f},{lat:.7f} is {length_text(distance)} from the navigable water, the "
-            f"limit is {length_text(limit_m)}; the nearest water is at "
-            f"{water_lon:.7f},{water_lat:.7f}"
+            f"limit is {length_text(limit_m)}; {advice}"
         )
     return nearest, (
         f"start {lon:.7f},{lat:.7f} is not in the navigable water; moved "

@@ -268,12 +268,14 @@ def length_text(length_m: float) -> str:
 
     Examples
     --------
-    >>> length_text(0.25), length_text(12.4), length_text(2204.0)
-    ('0.25 m', '12 m', '2.2 km')
+    >>> length_text(0.25), length_text(12.4), length_text(2204.0), length_text(6.3e6)
+    ('0.25 m', '12 m', '2.2 km', '6300 km')
     """
     if length_m < 10:
         return f"{length_m:.2g} m"
-    return f"{length_m:.0f} m" if length_m < 1000 else f"{length_m / 1000:.2g} km"
+    if length_m < 1000:
+        return f"{length_m:.0f} m"
+    return f"{length_m / 1000:.2g} km" if length_m < 100_000 else f"{length_m / 1000:.0f} km"
 
 
 def place_of(geometry_lonlat: shapely.Geometry) -> str:

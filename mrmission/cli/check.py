@@ -57,5 +57,7 @@ def check(
     else:
         for path, violation in found:
             click.echo(f"{path}: {violation.message}")
-    click.echo(f"{len(plans)} missions, {len(found)} violations", err=True)
+    missions = "1 mission" if len(plans) == 1 else f"{len(plans)} missions"
+    violations = "1 violation" if len(found) == 1 else f"{len(found)} violations"
+    click.echo(f"{missions}, {violations}", err=True)
     return 1 if found else 0

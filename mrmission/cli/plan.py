@@ -74,6 +74,8 @@ def plan(
     else:
         show_plan(result)
         click.echo(f"{len(written)} files in {folder}", err=True)
+        if figure is not None:
+            click.echo(f"figure in {figure}", err=True)
     return 0
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.core import ParameterSource
 
 from mrmission.cli.areas import read_area
 from mrmission.cli.options import area_options, assumed_options, build_options, plan_options
@@ -81,6 +82,12 @@ def upload(
     if from_folder is not None:
         if area is not None:
             raise ConfigError(f"--from {from_folder} and AREA {area}: choose one")
+        unused = _unused_with_from(ctx)
+        if unused:
+            raise ConfigError(
+                f"--from {from_folder} and {', '.join(unused)}: the plans are made already; leave "
+                "one out"
+            )
         missions = read_missions(from_folder)
         return run_upload(
             missions,
@@ -115,6 +122,20 @@ def upload(
 
 # With --from there is no area.
 next(parameter for parameter in upload.params if parameter.name == "area").required = False
+
+
+def _unused_with_from(ctx: click.Context) -> list[str]:
+    """Return the options given that shape a plan, which ``--from`` would silently ignore."""
+    # What a vehicle holds (max_items, fence_bytes) is compared with the files.
+    io = {"area", "from_folder", "connect", "simulate", "out", "overwrite", "as_json"}
+    used = io | {"max_items", "fence_bytes"}
+    return [
+        parameter.opts[0]
+        for parameter in ctx.command.params
+        if parameter.name is not None
+        and parameter.name not in used
+        and ctx.get_parameter_source(parameter.name) is not ParameterSource.DEFAULT
+    ]
 
 
 def _again(out: Path, overwrite: bool) -> bool:
@@ -181,7 +202,7 @@ def read_missions(folder: Path) -> list[Mission]:
     from mrmission.mission.qgc_plan import read_plan
 
     if not folder.is_dir():
-        raise InputError(f"--from {folder}: is no folder; name one that `mrmission plan` left")
+        raise InputError(f"--from {folder}: is not a folder; name one that `mrmission plan` left")
     paths = [path for path in folder.iterdir() if _PLAN_FILE.fullmatch(path.name)]
     if not paths:
         raise InputError(

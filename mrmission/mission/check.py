@@ -291,7 +291,8 @@ def _check_water(
                 Violation(
                     rule="water", item=items[i + 1], value=float(outside.length), limit=0.0,
                     message=f"the leg to item {items[i + 1]} at {lon:.7f},{lat:.7f} runs "
-                    f"{outside.length:.2f} m outside the water less {clearance_m:g} m",
+                    f"{outside.length:.2f} m outside the water"
+                    + (f" or within {clearance_m:g} m of its shore" if clearance_m else ""),
                 )
             )  # fmt: skip
     gap = math.dist(*shapely.get_coordinates(project(shapely.MultiPoint(lonlat[[0, -1]]))))

@@ -38,7 +38,7 @@ def human_length(length_m: float) -> str:
 
 
 def human_duration(duration_s: float) -> str:
-    """Return a duration as text: hours and minutes from an hour on, else minutes and seconds.
+    """Return a duration as text: hours and minutes from an hour on, then minutes and seconds.
 
     Parameters
     ----------
@@ -52,12 +52,14 @@ def human_duration(duration_s: float) -> str:
 
     Examples
     --------
-    >>> human_duration(59.7), human_duration(754), human_duration(3600 * 2 + 61)
-    ('1 min 00 s', '12 min 34 s', '2 h 01 min')
+    >>> human_duration(20), human_duration(59.7), human_duration(754), human_duration(7261)
+    ('20 s', '1 min 00 s', '12 min 34 s', '2 h 01 min')
     """
     if not math.isfinite(duration_s):
         return UNKNOWN
     seconds = round(duration_s)
+    if seconds < 60:
+        return f"{seconds} s"
     if seconds < 3600:
         return f"{seconds // 60} min {seconds % 60:02d} s"
     minutes = round(duration_s / 60)
@@ -80,13 +82,13 @@ def human_area(area_m2: float) -> str:
     Examples
     --------
     >>> human_area(0.04), human_area(15000.0), human_area(1_234_567.0)
-    ('0.04 m²', '15000 m²', '1.235 km²')
+    ('0.04 m²', '15,000 m²', '1.235 km²')
     """
     if not math.isfinite(area_m2):
         return UNKNOWN
     if area_m2 >= 100_000:
         return f"{area_m2 / 1e6:.3f} km²" if area_m2 < 1e8 else f"{area_m2 / 1e6:.1f} km²"
-    return f"{area_m2:.0f} m²" if area_m2 >= 10 or area_m2 == 0 else f"{area_m2:.2g} m²"
+    return f"{area_m2:,.0f} m²" if area_m2 >= 10 or area_m2 == 0 else f"{area_m2:.2g} m²"
 
 
 def human_share(share: float) -> str:
@@ -246,13 +248,21 @@ def fleet_figures(report: FleetReport) -> tuple[tuple[str, str], ...]:
     tuple of (str, str)
         Name and value of each figure.
     """
+    at_work = sum(1 for row in report.robots if row.lanes)
+    # Coverage is counted over what the starts reach; where that is not all, the name says so.
+    counted = "navigable region" if report.unreached_m2 <= 0 else "reached part"
     rows = [
         ("Makespan (longest robot)", human_duration(report.makespan_s)),
         (f"Lower bound ({report.lower_bound_name})", human_duration(report.lower_bound_s)),
         ("Gap to the bound", human_gap(report.gap)),
         ("Method", report.method),
-        ("Robots that survey", human_share(report.utilization)),
-        ("Coverage of the navigable region, all legs", human_share(report.coverage)),
+        (
+            "Robots that survey",
+            human_share(report.utilization)
+            if report.utilization >= 1
+            else f"{at_work} of {len(report.robots)}",
+        ),
+        (f"Coverage of the {counted}, all legs", human_share(report.coverage)),
         ("… survey legs alone", human_share(report.coverage_survey_legs)),
         ("… as a share of the whole survey area", human_share(report.coverage_of_area)),
         ("Largest missed piece", human_area(report.largest_missed_m2)),

@@ -324,9 +324,7 @@ async def _check_all_capacities(
 
 
 def _nobody(links: Sequence[Connection], silent: Mapping[str, str], *, named: bool) -> VehicleError:
-    tried = "; ".join(f"{link.url} {silent.get(link.url, 'silent')}" for link in links[:8])
-    if len(links) > 8:
-        tried += f"; and {len(links) - 8} more"
+    tried = _tried({link.url: silent.get(link.url, "silent") for link in links})
     advice = (
         "start the vehicles, or rehearse with --simulate"
         if named
@@ -334,6 +332,17 @@ def _nobody(links: Sequence[Connection], silent: Mapping[str, str], *, named: bo
         "--simulate"
     )
     return VehicleError(f"no vehicle answers ({tried}): {advice}")
+
+
+def _tried(silent: Mapping[str, str]) -> str:
+    """Return links that stay silent, those of one reason together."""
+    reasons: dict[str, list[str]] = {}
+    for url, why in silent.items():
+        reasons.setdefault(why, []).append(url)
+    return "; ".join(
+        f"{', '.join(urls[:8])}{f' and {len(urls) - 8} more' if len(urls) > 8 else ''} {why}"
+        for why, urls in reasons.items()
+    )
 
 
 def path_length_m(mission: Mission) -> float:
@@ -398,7 +407,7 @@ class _Job:
     async def _outcome(self, silent: Mapping[str, str]) -> tuple[UploadStatus, str]:
         vehicle = self.vehicle
         if vehicle is None:
-            where = "; ".join(f"{url} {why}" for url, why in silent.items())
+            where = _tried(silent)
             return UploadStatus.ABSENT, (
                 "no vehicle for it" + (f": {where}" if where else "") + "; start it and run again"
             )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -221,3 +222,22 @@ def test_help_imports_nothing_heavy() -> None:
     assert done.stderr.strip() == "[]"
     for command in COMMANDS:
         assert command in done.stdout
+
+
+def test_upload_from_a_folder_refuses_what_it_would_ignore(lake: Path, capsys) -> None:
+    assert plan(lake, "--out", "out") == 0
+    capsys.readouterr()
+    assert run(["upload", "--from", "out", "--simulate", "--k", "3", "--swath", "9"]) == 2
+    assert "--from out and --k, --swath: the plans are made already" in capsys.readouterr().err
+
+
+def test_figures_of_a_plan_that_reaches_not_all() -> None:
+    from factories import make_plan
+
+    from mrmission.report.units import fleet_figures
+
+    partial = replace(make_plan().report, utilization=0.5)  # its pond is not reached
+    whole = replace(partial, unreached_m2=0.0, unreached_parts_m2=())
+    assert "Coverage of the navigable region, all legs" in dict(fleet_figures(whole))
+    assert "Coverage of the reached part, all legs" in dict(fleet_figures(partial))
+    assert " of " in dict(fleet_figures(partial))["Robots that survey"]

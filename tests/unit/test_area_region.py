@@ -70,6 +70,14 @@ def test_start_on_land_is_moved_or_refused() -> None:
         snap_start(region, np.array([100.0, -50.0]), FRAME)
 
 
+def test_a_start_with_latitude_first_is_told_so() -> None:
+    region = navigable_region(multi(LAKE), 10.0)
+    lon, lat = FRAME.to_lonlat(np.array([[100.0, 50.0]]))[0]
+    swapped = FRAME.to_metric(np.array([[lat, lon]]))[0]
+    with pytest.raises(GeometryError, match=r"longitude comes first: is it -81\.29.*,34\."):
+        snap_start(region, swapped, FRAME)
+
+
 def test_default_start_is_at_the_shore_and_depends_on_the_water_alone() -> None:
     start = default_start(LAKE)
     assert LAKE.exterior.distance(shapely.Point(start)) < 1e-9

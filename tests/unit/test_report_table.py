@@ -124,8 +124,8 @@ def test_share_never_flatters(share, text):
 @pytest.mark.parametrize(
     ("seconds", "text"),
     [
-        (0, "0 min 00 s"), (59.6, "1 min 00 s"), (3599.4, "59 min 59 s"), (3599.6, "1 h 00 min"),
-        (7199, "2 h 00 min"), (90061, "25 h 01 min"), (math.inf, "–"),
+        (0, "0 s"), (59.4, "59 s"), (59.6, "1 min 00 s"), (3599.4, "59 min 59 s"),
+        (3599.6, "1 h 00 min"), (7199, "2 h 00 min"), (90061, "25 h 01 min"), (math.inf, "–"),
     ],
 )  # fmt: skip
 def test_durations(seconds, text):
