@@ -193,7 +193,8 @@ def _plan_part(
     notes: list[str],
 ) -> PartPlan:
     spacing = lane_spacing_m(options.swath_m, options.overlap, leg_tolerance_m(options.swath_m))
-    if len(starts_m) == 1:
+    # A robot's own start is where it starts, also where it is the only one of its part.
+    if len(starts_m) == 1 and len(options.starts_lonlat) != options.robots:
         found = berths(
             water, part, starts_m[0], len(robots),
             spacing_m=options.berth_spacing_m, launch_radius_m=LAUNCH_RADIUS_M,

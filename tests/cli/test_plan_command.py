@@ -241,3 +241,15 @@ def test_figures_of_a_plan_that_reaches_not_all() -> None:
     assert "Coverage of the navigable region, all legs" in dict(fleet_figures(whole))
     assert "Coverage of the reached part, all legs" in dict(fleet_figures(partial))
     assert " of " in dict(fleet_figures(partial))["Robots that survey"]
+
+
+def test_a_start_of_its_own_is_where_a_robot_starts(lake: Path) -> None:
+    # Close to the shore no launch circle fits; a berth would lie elsewhere.
+    assert plan(lake, "--k", "1", "--clearance", "4", "--no-fence", "--out", "first") == 0
+    mission = json.loads(Path("first/robot-1.plan").read_text())["mission"]
+    shore = [item["params"][4:6] for item in mission["items"] if item["command"] == 16]
+    for lat, lon in (shore[5], shore[-5]):
+        start = ["--start", f"{lon},{lat}", "--overwrite"]
+        assert plan(lake, "--k", "1", "--clearance", "4", "--no-fence", "--out", "own", *start) == 0
+        row = json.loads(Path("own/report.json").read_text())["robots"][0]
+        assert np.allclose(row["start_lonlat"], (lon, lat), rtol=0, atol=2e-6)
