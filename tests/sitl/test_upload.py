@@ -259,7 +259,7 @@ async def test_cancelling_leaves_every_boat_empty() -> None:
 async def test_a_lossy_link() -> None:
     async with boats(2, faults=Faults(loss=0.02, duplicate=0.02, reorder=0.02, seed=4)) as fleet:
         rows = await upload_fleet(
-            missions(2), fleet.links, timeouts=replace(QUICK, pauses_s=(0.5, 8.5, 8.5, 8.5))
+            missions(2), fleet.links, timeouts=replace(QUICK, pauses_s=(0.5, 8.5))
         )
         assert statuses(rows) == ["verified"] * 2
 
