@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import importlib
 import os
 import sys
@@ -67,7 +66,6 @@ def main(argv: Sequence[str] | None = None) -> None:
 def run(argv: list[str]) -> int:
     """Run the command line and return its exit code."""
     debug = "--debug" in argv
-    gc.disable()  # a command is short-lived: the collector costs a tenth of a plan, for nothing
     try:
         result: Any = cli.main(args=argv, prog_name="mrmission", standalone_mode=False)
         return int(result) if isinstance(result, int) else 0

@@ -9,6 +9,7 @@ from typing import Any
 import click
 
 from mrmission.cli.areas import read_area
+from mrmission.cli.collector import paused_collector
 from mrmission.cli.options import area_options, assumed_options, build_options, plan_options
 
 
@@ -27,6 +28,7 @@ from mrmission.cli.options import area_options, assumed_options, build_options, 
 )
 @click.option("--json", "as_json", is_flag=True, help="Print report.json instead of the table.")
 @click.pass_context
+@paused_collector()
 def plan(
     ctx: click.Context,
     /,

@@ -15,6 +15,7 @@ import click
 from click.core import ParameterSource
 
 from mrmission.cli.areas import read_area
+from mrmission.cli.collector import paused_collector
 from mrmission.cli.options import area_options, assumed_options, build_options, plan_options
 from mrmission.errors import ConfigError, InputError, VehicleError
 from mrmission.model import FleetPlan, Mission, SurveyArea
@@ -145,6 +146,7 @@ def _again(out: Path, overwrite: bool) -> bool:
     return not overwrite and (out / FILE_NAME).exists()
 
 
+@paused_collector()
 def _plan(
     ctx: click.Context, survey: SurveyArea, options: PlanOptions, out: Path | None, overwrite: bool
 ) -> FleetPlan:
