@@ -136,21 +136,6 @@ class Decomposition:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Lanes:
-    """Straight sweep lines, local frame. ``ends_m[i]`` is ``[[east, north], [east, north]]``.
-
-    ``cell`` is the boustrophedon cell; ``column`` the sweep column, rising across the region.
-    """
-
-    ends_m: FloatArray
-    cell: IntArray
-    column: IntArray
-
-    def __len__(self) -> int:
-        return len(self.cell)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class PostmanTour:
     """Closed walk over the edges (cells) of a Reeb graph, each once or twice.
 

@@ -299,7 +299,6 @@ def _problem(
             [book.costs_s([Visit(c, h) for c in range(cells)]) for h in (1, 2)]
         ),
         depot_cost=depot / time.transit_speed_m_s,
-        edge_travel=reeb.w_t / time.transit_speed_m_s,
     )
 
 

@@ -58,8 +58,6 @@ class CoverageProblem:
         (cells, 2) cost of sweeping its lower and its upper half.
     depot_cost
         (nodes,) cost of travel from the depot to each critical point.
-    edge_travel
-        (cells,) cost of travelling through a cell without sweeping it.
 
     All costs have one unit: seconds, or the paper's pixels.
     """
@@ -69,7 +67,6 @@ class CoverageProblem:
     cell_cost: FloatArray
     half_cost: FloatArray
     depot_cost: FloatArray
-    edge_travel: FloatArray
 
     @property
     def start_node(self) -> int:

@@ -53,6 +53,7 @@ class PieceBook:
         self._distances = distances
         self._time = time
         self._halves: dict[Visit, FloatArray] = {}
+        self._inner_m: dict[Visit, FloatArray] = {}
 
     def lanes(self, visit: Visit) -> PieceLanes:
         """Return the lanes of a piece."""
@@ -106,14 +107,14 @@ class PieceBook:
         home_m
             (2,) where the robot comes from and returns to; None leaves both ends free.
         """
-        pieces = [p for p in (self.lanes(v) for v in visits) if len(p.ends_m)]
-        if not pieces:
+        visits = [v for v in visits if len(self.lanes(v).ends_m)]
+        if not visits:
             return np.zeros((0, 2, 2))
-        ways = [[p.sweep(b, t) for b in (False, True) for t in (False, True)] for p in pieces]
+        ways = [self._ways(v) for v in visits]
         first = np.array([[w[0, 0] for w in way] for way in ways])
         last = np.array([[w[-1, 1] for w in way] for way in ways])
-        inner = self._inner_lengths(ways)
-        n = len(pieces)
+        inner = self._inner_lengths(visits)
+        n = len(visits)
         between = self._distances.pair_distances(
             np.repeat(last[:-1], 4, axis=1).reshape(-1, 2),
             np.tile(first[1:], (1, 4, 1)).reshape(-1, 2),
@@ -136,15 +137,26 @@ class PieceBook:
         picked.reverse()
         return np.concatenate([ways[i][w] for i, w in enumerate(picked)])
 
-    def _inner_lengths(self, ways: list[list[FloatArray]]) -> FloatArray:
-        """Return (pieces, 4) in-water travel between the lanes of each piece, swept each way."""
-        a, b, index = [], [], []
-        for i, four in enumerate(ways):
-            for j, lanes in enumerate(four):
-                a.append(lanes[:-1, 1])
-                b.append(lanes[1:, 0])
-                index.append(np.full(len(lanes) - 1, 4 * i + j))
-        lengths = self._distances.pair_distances(np.concatenate(a), np.concatenate(b))
-        total: FloatArray = np.zeros(4 * len(ways))
-        np.add.at(total, np.concatenate(index), lengths)
-        return total.reshape(len(ways), 4)
+    def _ways(self, visit: Visit) -> list[FloatArray]:
+        """Return the four ways to sweep a piece: forwards and backwards, from foot and from top."""
+        lanes = self.lanes(visit)
+        return [lanes.sweep(back, top) for back in (False, True) for top in (False, True)]
+
+    def _inner_lengths(self, visits: Sequence[Visit]) -> FloatArray:
+        """Return (pieces, 4) in-water travel between the lanes of each piece, swept each way.
+
+        The planners that are compared, and the two passes over each tour, ask for the same pieces.
+        """
+        new = [v for v in dict.fromkeys(visits) if v not in self._inner_m]
+        if new:
+            a, b, index = [], [], []
+            for i, visit in enumerate(new):
+                for j, lanes in enumerate(self._ways(visit)):
+                    a.append(lanes[:-1, 1])
+                    b.append(lanes[1:, 0])
+                    index.append(np.full(len(lanes) - 1, 4 * i + j))
+            lengths = self._distances.pair_distances(np.concatenate(a), np.concatenate(b))
+            total: FloatArray = np.zeros(4 * len(new))
+            np.add.at(total, np.concatenate(index), lengths)
+            self._inner_m.update(zip(new, total.reshape(-1, 4), strict=True))
+        return np.array([self._inner_m[v] for v in visits])

@@ -36,7 +36,6 @@ def random_problem(
         cell_cost=d.reeb.w_c * rng.uniform(0.5, 2.0, n),
         half_cost=half,
         depot_cost=np.hypot(*(d.reeb.node_m - d.reeb.node_m[0]).T),
-        edge_travel=d.reeb.w_t,
     )
 
 
