@@ -264,11 +264,10 @@ def _lane_paths(
             "choose a wider --swath, or --method auto"
         )
     flat = ends.reshape(-1, 2)
-    travel = harbour.distances(flat, flat)
     tours = minmax(
         LaneProblem(
             lane_cost=np.hypot(*(ends[:, 1] - ends[:, 0]).T) / time.survey_speed_m_s,
-            end_cost=(travel + travel.T) / 2 / time.transit_speed_m_s,
+            end_cost=harbour.distance_matrix(flat) / time.transit_speed_m_s,
             home_cost=harbour.distances(homes_m, flat) / time.transit_speed_m_s,
         ),
         options.time_budget_s,

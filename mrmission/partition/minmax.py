@@ -178,6 +178,25 @@ def _neighbours(problem: LaneProblem) -> npt.NDArray[np.int32]:
 
 
 @njit(cache=True)
+def _next_random(x):  # type: ignore[no-untyped-def]
+    """Return the next state of a xorshift generator of 64 bits."""
+    x ^= x << np.uint64(13)
+    x ^= x >> np.uint64(7)
+    return x ^ (x << np.uint64(17))
+
+
+@njit(cache=True)
+def _book(r, routes, sizes, lane, ends, home, route_of, place_of, pre):  # type: ignore[no-untyped-def]
+    """Write down where the lanes of tour `r` are, and the cost from home to the exit of each."""
+    for i in range(sizes[r]):
+        e = routes[r, i]
+        route_of[e >> 1] = r
+        place_of[e >> 1] = i
+        before = home[r, e] if i == 0 else pre[r, i - 1] + ends[routes[r, i - 1] ^ 1, e]
+        pre[r, i] = before + lane[e >> 1]
+
+
+@njit(cache=True)
 def _anneal(routes, sizes, cost, lane, ends, home, near, steps, state):  # type: ignore[no-untyped-def]
     """Improve the routes in place; return their costs. See the module for the moves."""
     robots, lanes = routes.shape
@@ -185,12 +204,7 @@ def _anneal(routes, sizes, cost, lane, ends, home, near, steps, state):  # type:
     place_of = np.zeros(lanes, np.int32)
     pre = np.zeros((robots, lanes))  # cost from home to the exit of each place
     for r in range(robots):
-        for i in range(sizes[r]):
-            e = routes[r, i]
-            route_of[e >> 1] = r
-            place_of[e >> 1] = i
-            before = home[r, e] if i == 0 else pre[r, i - 1] + ends[routes[r, i - 1] ^ 1, e]
-            pre[r, i] = before + lane[e >> 1]
+        _book(r, routes, sizes, lane, ends, home, route_of, place_of, pre)
     best = routes.copy()
     best_sizes = sizes.copy()
     best_cost = cost.copy()
@@ -210,9 +224,7 @@ def _anneal(routes, sizes, cost, lane, ends, home, near, steps, state):  # type:
             heat = FIRST_HEAT * (LAST_HEAT / FIRST_HEAT) ** done
             reference = cost.max()
             top = np.argmax(cost)
-        x ^= (x << np.uint64(13)) & np.uint64(0xFFFFFFFFFFFFFFFF)
-        x ^= x >> np.uint64(7)
-        x ^= (x << np.uint64(17)) & np.uint64(0xFFFFFFFFFFFFFFFF)
+        x = _next_random(x)
         random = np.int64(x >> np.uint64(2))
         # the end e of a lane is to be joined to a near end f of another
         if random & 1 and sizes[top] > 0:
@@ -227,9 +239,7 @@ def _anneal(routes, sizes, cost, lane, ends, home, near, steps, state):  # type:
         e_is_exit = routes[a, s] != e
         f_is_exit = routes[b, p] != f
         kind = (random >> 3) & 3
-        x ^= (x << np.uint64(13)) & np.uint64(0xFFFFFFFFFFFFFFFF)
-        x ^= x >> np.uint64(7)
-        x ^= (x << np.uint64(17)) & np.uint64(0xFFFFFFFFFFFFFFFF)
+        x = _next_random(x)
         luck = -math.log((np.float64(x >> np.uint64(11)) + 0.5) / 9007199254740992.0) * heat
         na, nb = sizes[a], sizes[b]
         if kind < 2:  # move a segment that begins (or ends) with e next to f
@@ -443,12 +453,7 @@ def _anneal(routes, sizes, cost, lane, ends, home, near, steps, state):  # type:
             r = a if turn == 0 else b
             if turn == 1 and a == b:
                 break
-            for i in range(sizes[r]):
-                g = routes[r, i]
-                route_of[g >> 1] = r
-                place_of[g >> 1] = i
-                before = home[r, g] if i == 0 else pre[r, i - 1] + ends[routes[r, i - 1] ^ 1, g]
-                pre[r, i] = before + lane[g >> 1]
+            _book(r, routes, sizes, lane, ends, home, route_of, place_of, pre)
             n = sizes[r]
             cost[r] = pre[r, n - 1] + home[r, routes[r, n - 1] ^ 1] if n > 0 else 0.0
         top_cost = cost.max()

@@ -79,6 +79,10 @@ class Harbour:
         """Return (s, t) in-water lengths between all of (s, 2) and all of (t, 2)."""
         return self.router.distances(self._outside(sources_m), self._outside(targets_m))
 
+    def distance_matrix(self, points_m: FloatArray) -> FloatArray:
+        """Return (n, n) symmetric in-water lengths between all of (n, 2)."""
+        return self.router.distance_matrix(self._outside(points_m))
+
     def pair_distances(self, a_m: FloatArray, b_m: FloatArray) -> FloatArray:
         """Return (n,) in-water lengths between the pairs of two (n, 2) arrays."""
         if len(a_m) == 0:
