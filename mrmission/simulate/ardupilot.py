@@ -1,0 +1,450 @@
+"""A fleet of ArduPilot's own simulated vehicles (SITL), started, watched and stopped."""
+
+from __future__ import annotations
+
+import asyncio
+import atexit
+import contextlib
+import math
+import shutil
+import tempfile
+from collections.abc import Callable, Coroutine, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from mrmission.errors import ConfigError, SimulatorError
+from mrmission.simulate.ardupilot_process import (
+    HOST,
+    SECOND_LINK,
+    Launch,
+    Process,
+    check_ports,
+    find_binary,
+    free_ports,
+    stop_all,
+)
+from mrmission.simulate.ardupilot_ready import Readiness, check_parameters, wait_ready
+from mrmission.simulate.fleet import BASE_PORT, BERTH_SPACING_M, PORT_STEP, berths_lonlat
+from mrmission.simulate.motion import moved
+
+POLL_S = 0.2
+READY_S = 150.0
+"""Simulated seconds after which a vehicle that is not ready is given up; 42 is usual."""
+SLOWEST = 0.2
+"""Share of the speed-up that a busy machine must still reach before the wait is given up."""
+LAUNCH_S = 20.0
+"""Real seconds on top, for processes to come up on a busy machine."""
+OWN_PARAMETERS = "extra.parm"
+CHECKOUT_SITL = Path(__file__).resolve().parents[2] / "sitl"
+PACKAGED_SITL = Path(__file__).resolve().parent / "sitl"
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Model:
+    """A hull or frame that ArduPilot simulates.
+
+    Parameters
+    ----------
+    vehicle : str
+        boat, rover or copter: which program.
+    frame : str
+        ArduPilot's name of the model.
+    files : tuple of str
+        Parameter files of ``sitl/``; a later one wins.
+    astern_m : float
+        How far it goes astern before it is ready: for its first second, SITL has no servo output,
+        which its boats take for full astern, and they coast on.
+    """
+
+    vehicle: str
+    frame: str
+    files: tuple[str, ...]
+    astern_m: float = 0.0
+
+
+MODELS: Mapping[str, Model] = {
+    "motorboat": Model(
+        vehicle="boat", frame="motorboat", files=("common.parm", "boat.parm"), astern_m=8.0
+    ),
+    "motorboat-skid": Model(
+        vehicle="boat",
+        frame="motorboat-skid",
+        files=("common.parm", "boat.parm", "skid.parm"),
+        astern_m=8.0,
+    ),
+    "rover": Model(vehicle="rover", frame="rover", files=("common.parm", "rover.parm")),
+    "quad": Model(vehicle="copter", frame="quad", files=("common.parm", "copter.parm")),
+}
+"""By the name that ``--model`` takes: a steered boat, one that pivots, a car, a copter."""
+
+
+def parameter_file(name: str) -> Path:
+    """Return the path of a parameter file of ``sitl/``, from the checkout or from the wheel."""
+    for folder in (CHECKOUT_SITL, PACKAGED_SITL):
+        if (folder / name).is_file():
+            return folder / name
+    raise SimulatorError(f"parameter file {name}: not in {CHECKOUT_SITL} nor in {PACKAGED_SITL}")
+
+
+class ArdupilotFleet:
+    """K ArduPilot processes on loopback, as an async context manager.
+
+    On entering it starts them side by side, each in a folder of its own, and waits until every one
+    can be armed and can start a mission (some 42 simulated seconds). On leaving, whatever the
+    reason, none of them is left.
+
+    Parameters
+    ----------
+    count : int
+        Number of vehicles, 1 to 250.
+    home_lonlat : tuple of float
+        Where the first one lies; the others lie to its right.
+    starts_lonlat : sequence of (lon, lat), optional
+        A position for every vehicle, instead of `home_lonlat`.
+    model : str
+        A name of :data:`MODELS`.
+    binary : path, optional
+        The ArduPilot program; else ``ARDUROVER`` or ``ARDUCOPTER``, else ``PATH``.
+    base_port : int
+        Vehicle i (from 0) listens on TCP ports ``base_port + 10 i`` and two above; 0 takes free
+        ports.
+    first_system_id : int
+        System id of the first vehicle; the others count up.
+    speedup : float
+        Simulated seconds per second. A machine that can't keep up is slower, nothing else.
+    parameters : mapping of str to float, optional
+        Values that differ from the parameter files, for all vehicles: ``SIM_TIDE_SPEED`` (m/s) and
+        ``SIM_TIDE_DIR`` (where it comes from, degrees) make current, ``SIM_WAVE_ENABLE`` waves.
+    heading_deg, spacing_m : float
+        Where the bows point, and the distance between the berths.
+    altitude_m : float
+        Of the water above sea level.
+    folder : Path, optional
+        Keep every vehicle's folder there (storage, output, logs); else they are temporary.
+    progress : callable, optional
+        Called with a system id and a line whenever a vehicle comes a step nearer to being ready.
+
+    Raises
+    ------
+    ConfigError
+        When a number is out of range, or the vehicles do not know a parameter.
+    SimulatorError
+        When there is no program, a port is taken, a vehicle ends or does not get ready.
+
+    Examples
+    --------
+    >>> async def rehearse() -> None:
+    ...     async with ArdupilotFleet(
+    ...         count=2, home_lonlat=(8.5, 47.3), base_port=0, speedup=5
+    ...     ) as fleet:
+    ...         print(fleet.links)
+    """
+
+    def __init__(
+        self,
+        *,
+        count: int,
+        home_lonlat: tuple[float, float] = (0.0, 0.0),
+        starts_lonlat: Sequence[tuple[float, float]] | None = None,
+        model: str = "motorboat",
+        binary: str | Path | None = None,
+        base_port: int = BASE_PORT,
+        first_system_id: int = 1,
+        speedup: float = 1.0,
+        parameters: Mapping[str, float] | None = None,
+        heading_deg: float = 0.0,
+        spacing_m: float = BERTH_SPACING_M,
+        altitude_m: float = 1.0,
+        folder: Path | None = None,
+        progress: Callable[[int, str], None] | None = None,
+    ) -> None:
+        self.starts_lonlat = checked_starts(
+            count, home_lonlat, starts_lonlat, spacing_m, heading_deg
+        )
+        check_numbers(count, first_system_id, speedup, base_port)
+        if model not in MODELS:
+            raise ConfigError(f"--model {model}: must be one of {', '.join(MODELS)}")
+        self.model = MODELS[model]
+        self.speedup = speedup
+        self.parameters = {name.upper(): float(value) for name, value in (parameters or {}).items()}
+        self.system_ids = tuple(range(first_system_id, first_system_id + count))
+        self.ports: tuple[int, ...] = ()
+        self.second_ports: tuple[int, ...] = ()
+        self.folders: tuple[Path, ...] = ()
+        self._binary = binary
+        self._base_port = base_port
+        self._heading_deg = heading_deg
+        self._altitude_m = altitude_m
+        self._keep = folder
+        self._root: Path | None = None
+        self._progress = progress
+        self._processes: list[Process] = []
+
+    @property
+    def links(self) -> list[str]:
+        """Connection strings, one per vehicle; each serves one program at a time."""
+        return [f"tcpout://{HOST}:{port}" for port in self.ports]
+
+    @property
+    def second_links(self) -> list[str]:
+        """Connection strings for a second program at the same time, a ground station say."""
+        return [f"tcpout://{HOST}:{port}" for port in self.second_ports]
+
+    @property
+    def pids(self) -> tuple[int, ...]:
+        """Process ids, in the order of :attr:`links`."""
+        return tuple(process.pid for process in self._processes)
+
+    async def start(self) -> None:
+        """Start every process and wait until all vehicles are ready; stop all if one is not."""
+        if self._processes:
+            raise SimulatorError("the fleet is already running")
+        binary = find_binary(self.model.vehicle, self._binary)
+        defaults = [parameter_file(name) for name in self.model.files]
+        count = len(self.system_ids)
+        if self._base_port:
+            self.ports = tuple(self._base_port + PORT_STEP * i for i in range(count))
+            self.second_ports = tuple(port + SECOND_LINK for port in self.ports)
+            check_ports(sorted((*self.ports, *self.second_ports)))
+        else:
+            ports = free_ports(2 * count)
+            self.ports, self.second_ports = ports[:count], ports[count:]
+        if self._keep is not None:
+            self._keep.mkdir(parents=True, exist_ok=True)
+            self._root = self._keep.resolve()
+        else:
+            self._root = Path(tempfile.mkdtemp(prefix="mrmission-sitl-"))
+        self.folders = tuple(self._root / f"vehicle-{number}" for number in self.system_ids)
+        atexit.register(self._end)
+        try:
+            own = self._own_parameters(self._root)
+            for index in range(count):
+                self._processes.append(Process(self._launch(index, binary, [*defaults, own])))
+            await self.wait_ready()
+            await self._watched(
+                check_parameters(port, number, self.parameters)
+                for port, number in zip(self.second_ports, self.system_ids, strict=True)
+            )
+        except BaseException:
+            self._end()
+            raise
+
+    async def wait_ready(self) -> None:
+        """Wait until every vehicle can be armed and started; also after a reboot.
+
+        Raises
+        ------
+        SimulatorError
+            When one ends, or is not ready in time.
+        """
+        states = [Readiness() for _ in self.system_ids]
+        limit_s = LAUNCH_S + READY_S / (self.speedup * SLOWEST)
+        hold = self.model.vehicle != "copter"
+        try:
+            async with asyncio.timeout(limit_s):
+                await self._watched(
+                    wait_ready(
+                        port, number, hold=hold, state=state, progress=self._reporter(number)
+                    )
+                    for port, number, state in zip(
+                        self.second_ports, self.system_ids, states, strict=True
+                    )
+                )
+        except TimeoutError:
+            wanted = 4 if hold else None
+            late = [
+                f"vehicle {number}: {state.step(wanted)}{state.reason and f' ({state.reason})'}"
+                for number, state in zip(self.system_ids, states, strict=True)
+                if state.step(wanted) != "ready"
+            ]
+            raise SimulatorError(
+                f"not ready after {limit_s:.0f} s: {'; '.join(late)}; is the machine too busy for "
+                f"--speedup {self.speedup:g}?"
+            ) from None
+
+    async def run(self) -> None:
+        """Wait as long as all vehicles run.
+
+        Raises
+        ------
+        SimulatorError
+            When one ends by itself, with the last lines it wrote. It is not started again.
+        """
+        while self._processes:
+            for process in self._processes:
+                if not process.alive:
+                    raise SimulatorError(self._crash(process))
+            await asyncio.sleep(POLL_S)
+
+    async def stop(self) -> None:
+        """End every process and remove the temporary folders."""
+        self._end()
+
+    async def restart(self) -> None:
+        """Start afresh: empty stores, parameters as given, at the berths, ready; the same ports."""
+        ports = self.ports, self.second_ports
+        stop_all(self._processes)
+        old, self._processes = self._processes, []
+        for process in old:
+            with contextlib.suppress(OSError):
+                shutil.rmtree(process.launch.folder)
+        self.ports, self.second_ports = ports
+        try:
+            for process in old:
+                self._processes.append(Process(process.launch))
+            await self.wait_ready()
+        except BaseException:
+            self._end()
+            raise
+
+    def _launch(self, index: int, binary: Path, defaults: Sequence[Path]) -> Launch:
+        lon, lat = self.starts_lonlat[index]
+        ahead_rad = math.radians(self._heading_deg)
+        lat, lon = moved(
+            lat,
+            lon,
+            self.model.astern_m * math.sin(ahead_rad),
+            self.model.astern_m * math.cos(ahead_rad),
+        )
+        return Launch(
+            binary=binary,
+            model=self.model.frame,
+            system_id=self.system_ids[index],
+            port=self.ports[index],
+            second_port=self.second_ports[index],
+            lon=lon,
+            lat=lat,
+            altitude_m=self._altitude_m,
+            heading_deg=self._heading_deg,
+            speedup=self.speedup,
+            defaults=tuple(defaults),
+            folder=self.folders[index],
+        )
+
+    def _own_parameters(self, root: Path) -> Path:
+        """Write the parameters of this fleet as a file that is read last."""
+        values = dict(self.parameters)
+        if self._keep is not None:
+            # Who keeps the folders wants the logs in them.
+            values.setdefault("LOG_BACKEND_TYPE", 1.0)
+        path = root / OWN_PARAMETERS
+        path.write_text("".join(f"{name} {value!r}\n" for name, value in values.items()))
+        return path
+
+    def _reporter(self, number: int) -> Callable[[str], None] | None:
+        progress = self._progress
+        if progress is None:
+            return None
+        return lambda line: progress(number, line)
+
+    async def _watched(self, work: Iterable[Coroutine[Any, Any, None]]) -> None:
+        """Run one coroutine per vehicle, and stop at once when a process ends."""
+        tasks = [asyncio.ensure_future(one) for one in work]
+        watch = asyncio.ensure_future(self.run())
+        try:
+            everything = asyncio.gather(*tasks, return_exceptions=True)
+            await asyncio.wait({watch, everything}, return_when=asyncio.FIRST_COMPLETED)
+            if watch.done():
+                watch.result()
+            for task in tasks:
+                error = task.exception()
+                if isinstance(error, ConnectionError):
+                    # The process is going: let the watch say why.
+                    await asyncio.wait({watch}, timeout=5 * POLL_S)
+                    if watch.done():
+                        watch.result()
+                    raise SimulatorError(f"a vehicle's link broke: {error}") from error
+                if error is not None:
+                    raise error
+        finally:
+            for task in (*tasks, watch):
+                task.cancel()
+            await asyncio.gather(*tasks, watch, return_exceptions=True)
+
+    def _crash(self, process: Process) -> str:
+        launch = process.launch
+        kept = (
+            f"its folder: {launch.folder}"
+            if self._keep is not None
+            else "its folder was temporary, --keep keeps it"
+        )
+        return (
+            f"vehicle {launch.system_id} ({launch.binary.name} on TCP port {launch.port}) "
+            f"{process.ending()}; {kept}"
+        )
+
+    def _end(self) -> None:
+        """End all, leave nothing; may be called at any time and more than once."""
+        processes, self._processes = self._processes, []
+        stop_all(processes)
+        root, self._root = self._root, None
+        if root is not None and self._keep is None:
+            shutil.rmtree(root, ignore_errors=True)
+        atexit.unregister(self._end)
+
+    async def __aenter__(self) -> ArdupilotFleet:
+        await self.start()
+        return self
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        await self.stop()
+
+
+def check_numbers(count: int, first_system_id: int, speedup: float, base_port: int) -> None:
+    """Refuse numbers that no fleet can have.
+
+    Raises
+    ------
+    ConfigError
+        When a number is out of range.
+    """
+    last_id = first_system_id + count - 1
+    if not (first_system_id >= 1 and last_id <= 255):
+        raise ConfigError(
+            f"--sysid {first_system_id}: {count} vehicles need system ids up to {last_id}, "
+            "MAVLink has 1 to 255"
+        )
+    if not (math.isfinite(speedup) and 0 < speedup <= 100):
+        raise ConfigError(f"--speedup {speedup}: must be above 0 and at most 100")
+    last_port = base_port + PORT_STEP * (count - 1) + SECOND_LINK
+    if base_port != 0 and not (base_port >= 1024 and last_port <= 65535):
+        raise ConfigError(
+            f"--base-port {base_port}: {count} vehicles need ports up to {last_port}, "
+            "there are 1024 to 65535"
+        )
+
+
+def checked_starts(
+    count: int,
+    home_lonlat: tuple[float, float],
+    starts_lonlat: Sequence[tuple[float, float]] | None,
+    spacing_m: float,
+    heading_deg: float,
+) -> tuple[tuple[float, float], ...]:
+    """Return where every vehicle starts.
+
+    Raises
+    ------
+    ConfigError
+        When the count is out of range or contradicts the positions, or a position is no lon/lat.
+    """
+    if not 1 <= count <= 250:
+        raise ConfigError(f"--k {count}: a simulated fleet has 1 to 250 vehicles")
+    starts = (
+        tuple(starts_lonlat)
+        if starts_lonlat is not None
+        else berths_lonlat(home_lonlat, count, spacing_m, heading_deg)
+    )
+    if len(starts) != count:
+        raise ConfigError(f"{len(starts)} start positions given for {count} vehicles")
+    for lon, lat in starts:
+        if not (abs(lon) <= 180 and abs(lat) < 90):
+            raise ConfigError(f"--home {lon},{lat}: must be LON,LAT in degrees")
+    return starts
