@@ -1,4 +1,4 @@
-"""What a user writes after ``--connect``, checked and turned into MAVSDK's form."""
+"""What a user writes after ``--connect``, checked and turned into one form."""
 
 from __future__ import annotations
 
@@ -33,13 +33,17 @@ _SERIAL = re.compile(r"serial:(?://)?(?P<device>/?[^:]+)(?::(?P<baud>\d+))?")
 class Connection:
     """One link to one or several vehicles.
 
-    ``url`` is what MAVSDK opens; ``scheme`` one of tcpout, tcpin, udpin, udpout, serial.
+    ``url`` is the form that messages show and MAVSDK opens; ``scheme`` one of tcpout, tcpin, udpin,
+    udpout, serial; ``host`` and ``port`` belong to a network link, ``device`` and ``baud`` to a
+    serial one.
     """
 
     url: str
     scheme: str
     host: str = ""
     port: int = 0
+    device: str = ""
+    baud: int = 0
 
     @property
     def answers_probe(self) -> bool:
@@ -73,7 +77,9 @@ def parse_connection(text: str) -> Connection:
     serial = _SERIAL.fullmatch(cleaned)
     if serial is not None:
         device, baud = serial["device"], serial["baud"] or "57600"
-        return Connection(url=f"serial://{device}:{baud}", scheme="serial")
+        return Connection(
+            url=f"serial://{device}:{baud}", scheme="serial", device=device, baud=int(baud)
+        )
     network = _NETWORK.fullmatch(cleaned)
     if network is None or network["scheme"] not in _SCHEMES:
         raise ConfigError(f"--connect {text}: not a connection; {_HELP}")

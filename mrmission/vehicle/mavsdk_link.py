@@ -1,0 +1,700 @@
+"""Links to vehicles through MAVSDK: the only module that imports it, and only when a link opens.
+
+Why one MAVSDK object per link: in one object, two vehicles with one system id on two links melt
+into one system, and nobody can tell them apart any more. With an object each, they are seen, and
+refused. Why not more than `MAX_OBJECTS` of them: each takes one of the 16 MAVLink channels of the
+process, and from about the twentieth on MAVSDK 4.1 writes past that table and the process dies on
+a corrupted heap. Above that, links share objects, and who speaks on which link is heard
+beforehand, on a plain socket.
+
+Why callbacks instead of ``mavsdk.asyncio``'s plugin classes: those block one thread of the event
+loop's default executor per call. That executor has (cores + 4) threads, so that on two cores only
+six vehicles are served at a time, and a blocked thread cannot be cancelled. Connections and
+systems are ``mavsdk.asyncio``'s; transfers go through the callbacks underneath.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import logging
+from collections import deque
+from collections.abc import AsyncIterator, Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from mrmission.errors import LinkTimeoutError
+from mrmission.options import VehicleLimits
+from mrmission.vehicle.connection import Connection
+from mrmission.vehicle.items import MissionType, RawItem
+from mrmission.vehicle.links import (
+    ARMED_FLAG,
+    AUTOPILOT_COMPONENT_ID,
+    GCS_COMPONENT_ID,
+    GCS_SYSTEM_ID,
+    FleetLinks,
+    LinkTimeouts,
+    TransferError,
+    mode_name,
+    os_reason,
+    same_id_error,
+    sd_limits,
+)
+
+_log = logging.getLogger("mrmission.mavsdk")
+
+MAX_OBJECTS = 12
+"""MAVSDK objects at a time, see above."""
+
+MISSION_ACCEPTED = 0
+_POLL_S = 0.05
+_LISTENED = ("HEARTBEAT", "STATUSTEXT", "MISSION_COUNT", "MISSION_ACK", "PARAM_VALUE")
+
+
+@dataclass(slots=True)
+class _State:
+    """What the last messages of a vehicle said; written by the event loop only."""
+
+    armed: bool | None = None
+    mode: str = ""
+    heard_s: float = 0.0
+    texts: deque[str] = field(default_factory=lambda: deque(maxlen=20))
+
+
+class Vehicle:
+    """One autopilot behind a link: its state and its three stores (mission, fence, rally points).
+
+    Nothing here arms, disarms, or changes a mode.
+    """
+
+    def __init__(self, system: Any, system_id: int, connection: Connection, t: LinkTimeouts):
+        from mavsdk.plugins.mavlink_direct import MavlinkDirect
+        from mavsdk.plugins.mission_raw import MissionRaw
+
+        self.system_id = system_id
+        self.connection = connection
+        self._timeouts = t
+        self._loop = asyncio.get_running_loop()
+        self._state = _State(heard_s=self._loop.time())
+        self._queues: dict[str, set[asyncio.Queue[dict[str, Any]]]] = {}
+        self._direct = MavlinkDirect(system._system)
+        # A fence or rally transfer overwrites the mission total of its MissionRaw object, so the
+        # mission has an object of its own.
+        self._raw_mission = MissionRaw(system._system)
+        self._raw_other = MissionRaw(system._system)
+        for name in _LISTENED:
+            self._direct.subscribe_message(name, self._receive)
+
+    def __repr__(self) -> str:
+        return f"Vehicle(system_id={self.system_id}, link={self.connection.url!r})"
+
+    # --- messages --------------------------------------------------------------------------------
+
+    def _receive(self, message: Any, _user_data: Any) -> None:
+        """Take a message over from MAVSDK's thread into the event loop."""
+        # The loop may be gone when a last message arrives during tear-down.
+        with contextlib.suppress(RuntimeError):
+            self._loop.call_soon_threadsafe(
+                self._dispatch,
+                message.message_name,
+                message.system_id,
+                message.component_id,
+                message.fields_json,
+            )
+
+    def _dispatch(self, name: str, system_id: int, component_id: int, fields_json: str) -> None:
+        if system_id != self.system_id or component_id != AUTOPILOT_COMPONENT_ID:
+            return
+        fields = json.loads(fields_json)
+        self._state.heard_s = self._loop.time()
+        if name == "HEARTBEAT":
+            self._state.armed = bool(int(fields["base_mode"]) & ARMED_FLAG)
+            mode = int(fields["custom_mode"])
+            self._state.mode = mode_name(int(fields["type"]), mode)
+        elif name == "STATUSTEXT":
+            self._state.texts.append(str(fields["text"]).rstrip("\0"))
+        elif name.startswith("MISSION_") and not _meant_for_us(fields):
+            return
+        for queue in self._queues.get(name, ()):
+            queue.put_nowait(fields)
+
+    @contextlib.contextmanager
+    def _listen(self, name: str) -> Iterator[asyncio.Queue[dict[str, Any]]]:
+        queue: asyncio.Queue[dict[str, Any]] = asyncio.Queue()
+        self._queues.setdefault(name, set()).add(queue)
+        try:
+            yield queue
+        finally:
+            self._queues[name].discard(queue)
+
+    def _send(self, name: str, **fields: Any) -> None:
+        from mavsdk.exceptions import MavsdkError
+        from mavsdk.plugins.mavlink_direct import MavlinkMessage
+
+        fields = {
+            "target_system": self.system_id,
+            "target_component": AUTOPILOT_COMPONENT_ID,
+            **fields,
+        }
+        message = MavlinkMessage(
+            name, 0, 0, self.system_id, AUTOPILOT_COMPONENT_ID, json.dumps(fields)
+        )
+        try:
+            self._direct.send_message(message)
+        except MavsdkError as error:
+            raise LinkTimeoutError(f"{self._where()}: {name} could not be sent: {error}") from error
+
+    async def _reply(
+        self,
+        queue: asyncio.Queue[dict[str, Any]],
+        accept: Callable[[dict[str, Any]], bool],
+        timeout_s: float,
+    ) -> dict[str, Any] | None:
+        deadline = self._loop.time() + timeout_s
+        while (left := deadline - self._loop.time()) > 0:
+            try:
+                fields = await asyncio.wait_for(queue.get(), left)
+            except TimeoutError:
+                break
+            if accept(fields):
+                return fields
+        return None
+
+    def _where(self) -> str:
+        return f"vehicle {self.system_id} on {self.connection.url}"
+
+    # --- state -----------------------------------------------------------------------------------
+
+    @property
+    def armed(self) -> bool:
+        """Whether the last heartbeat said armed; a vehicle not heard yet counts as armed."""
+        return self._state.armed is not False
+
+    @property
+    def mode(self) -> str:
+        """Name of the mode in the last heartbeat."""
+        return self._state.mode or "unknown mode"
+
+    @property
+    def silent(self) -> bool:
+        """Whether nothing was heard for longer than a link may drop heartbeats."""
+        return self._loop.time() - self._state.heard_s > self._timeouts.silence_s
+
+    def status_texts(self) -> tuple[str, ...]:
+        """Return the last status texts, oldest first."""
+        return tuple(self._state.texts)
+
+    def forget_status_texts(self) -> None:
+        """Drop the status texts seen so far, before an operation whose texts are wanted."""
+        self._state.texts.clear()
+
+    async def wait_heartbeat(self) -> None:
+        """Wait until the vehicle has said whether it is armed.
+
+        Raises
+        ------
+        LinkTimeoutError
+            When no heartbeat comes.
+        """
+        deadline = self._loop.time() + self._timeouts.discovery_s
+        while self._state.armed is None:
+            if self._loop.time() > deadline:
+                raise LinkTimeoutError(
+                    f"{self._where()}: no heartbeat in {self._timeouts.discovery_s:g} s"
+                )
+            await asyncio.sleep(_POLL_S)
+
+    async def stored_count(self, mission_type: MissionType) -> int:
+        """Return how many items a store holds, home included.
+
+        Raises
+        ------
+        LinkTimeoutError
+            When the vehicle does not answer.
+        """
+        with self._listen("MISSION_COUNT") as queue:
+            for _ in range(4):
+                self._send("MISSION_REQUEST_LIST", mission_type=int(mission_type))
+                reply = await self._reply(
+                    queue, lambda f: int(f["mission_type"]) == mission_type, self._timeouts.reply_s
+                )
+                if reply is not None:
+                    return int(reply["count"])
+        raise LinkTimeoutError(f"{self._where()}: does not say what its {mission_type.label} holds")
+
+    async def twins(self) -> bool:
+        """Return whether two vehicles answer to this system id on this one link.
+
+        One request that is answered twice, and again twice when repeated, has two addressees; one
+        double answer alone may be a duplicated packet or a late answer.
+        """
+        with self._listen("MISSION_COUNT") as queue:
+            for _ in range(2):
+                self._send("MISSION_REQUEST_LIST", mission_type=int(MissionType.MISSION))
+                if await self._reply(queue, _any_message, self._timeouts.reply_s) is None:
+                    return False
+                if await self._reply(queue, _any_message, self._timeouts.twin_window_s) is None:
+                    return False
+        return True
+
+    async def parameter(self, name: str) -> float | None:
+        """Return a parameter's value, or None when the vehicle does not have or tell it."""
+        with self._listen("PARAM_VALUE") as queue:
+            for _ in range(2):
+                self._send("PARAM_REQUEST_READ", param_id=name, param_index=-1)
+                reply = await self._reply(
+                    queue, lambda f: str(f["param_id"]).rstrip("\0") == name, 0.4
+                )
+                if reply is not None and reply["param_value"] is not None:
+                    return float(reply["param_value"])
+        return None
+
+    async def limits(self, default: VehicleLimits) -> VehicleLimits:
+        """Return what the vehicle can hold: `default`, or more where it stores on an SD card."""
+        mission_kib, fence_kib = await asyncio.gather(
+            self.parameter("BRD_SD_MISSION"), self.parameter("BRD_SD_FENCE")
+        )
+        return sd_limits(default, mission_kib=mission_kib or 0.0, fence_kib=fence_kib or 0.0)
+
+    # --- stores ----------------------------------------------------------------------------------
+
+    async def upload(
+        self,
+        mission_type: MissionType,
+        items: Sequence[RawItem],
+        progress: Callable[[float], None] | None = None,
+    ) -> None:
+        """Write `items` into a store; one try of MAVSDK's, which repeats lost packets itself.
+
+        Raises
+        ------
+        TransferError
+            When the vehicle refuses or the transfer breaks off. The store then holds anything.
+        """
+        from mavsdk.plugins.mission_raw import MissionItem, MissionPlan
+
+        wanted = [_to_mavsdk(MissionItem, item) for item in items]
+        raw = self._raw_mission if mission_type is MissionType.MISSION else self._raw_other
+        if mission_type is MissionType.MISSION:
+            result, _ = await self._transfer(
+                lambda done: raw.upload_mission_with_progress_async(
+                    MissionPlan(wanted), lambda result, data, _user: done(result, data)
+                ),
+                raw.cancel_mission_upload,
+                progress,
+            )
+        else:
+            start = (
+                raw.upload_geofence_async
+                if mission_type is MissionType.FENCE
+                else raw.upload_rally_points_async
+            )
+            result, _ = await self._transfer(
+                lambda done: start(wanted, lambda result, _user: done(result, None)),
+                raw.cancel_mission_upload,
+            )
+        self._check(result, f"upload of {mission_type.label}")
+
+    async def download(self, mission_type: MissionType) -> tuple[RawItem, ...]:
+        """Read a store back.
+
+        Raises
+        ------
+        TransferError
+            When the vehicle refuses or the transfer breaks off.
+        """
+        raw = self._raw_mission if mission_type is MissionType.MISSION else self._raw_other
+        start = {
+            MissionType.MISSION: raw.download_mission_async,
+            MissionType.FENCE: raw.download_geofence_async,
+            MissionType.RALLY: raw.download_rallypoints_async,
+        }[mission_type]
+        result, items = await self._transfer(
+            lambda done: start(lambda result, data, _user: done(result, data)),
+            raw.cancel_mission_download,
+        )
+        if result == "NO_MISSION_AVAILABLE":
+            return ()
+        self._check(result, f"read-back of {mission_type.label}")
+        return tuple(_from_mavsdk(item) for item in items)
+
+    async def clear(self, mission_type: MissionType) -> None:
+        """Empty a store (a mission keeps its home) and wait for the vehicle's word on it.
+
+        Raises
+        ------
+        TransferError
+            When the vehicle refuses.
+        LinkTimeoutError
+            When it does not answer.
+        """
+        with self._listen("MISSION_ACK") as queue:
+            for _ in range(4):
+                self._send("MISSION_CLEAR_ALL", mission_type=int(mission_type))
+                reply = await self._reply(
+                    queue, lambda f: int(f["mission_type"]) == mission_type, self._timeouts.reply_s
+                )
+                if reply is None:
+                    continue
+                if int(reply["type"]) == MISSION_ACCEPTED:
+                    return
+                raise TransferError(
+                    f"{self._where()}: refuses to clear its {mission_type.label} "
+                    f"(MAV_MISSION_RESULT {reply['type']})",
+                    result="DENIED",
+                )
+        raise LinkTimeoutError(f"{self._where()}: no answer to clearing its {mission_type.label}")
+
+    async def _transfer(
+        self,
+        start: Callable[[Callable[[Any, Any], None]], None],
+        cancel: Callable[[], Any],
+        progress: Callable[[float], None] | None = None,
+    ) -> tuple[str, Any]:
+        """Run one MAVSDK transfer; MAVSDK's own time-outs bound it."""
+        from mavsdk.exceptions import MavsdkError
+
+        future: asyncio.Future[tuple[str, Any]] = self._loop.create_future()
+
+        def finish(result: Any, data: Any) -> None:
+            if result.name == "NEXT":
+                if progress is not None:
+                    progress(float(data.progress))
+            elif not future.done():
+                future.set_result((result.name, data))
+
+        def done(result: Any, data: Any) -> None:
+            with contextlib.suppress(RuntimeError):
+                self._loop.call_soon_threadsafe(finish, result, data)
+
+        start(done)
+        try:
+            return await future
+        except asyncio.CancelledError:
+            with contextlib.suppress(MavsdkError):
+                cancel()
+            raise
+
+    def _check(self, result: str, what: str) -> None:
+        if result == "SUCCESS":
+            return
+        raise TransferError(f"{self._where()}: {what} failed: {result}", result=result)
+
+
+def _meant_for_us(fields: dict[str, Any]) -> bool:
+    """Return whether a mission message is for this ground station, not for one beside it."""
+    return int(fields.get("target_system", 0)) in (0, GCS_SYSTEM_ID) and int(
+        fields.get("target_component", 0)
+    ) in (0, GCS_COMPONENT_ID)
+
+
+def _any_message(_fields: dict[str, Any]) -> bool:
+    return True
+
+
+def _to_mavsdk(kind: Any, item: RawItem) -> Any:
+    return kind(
+        item.seq, item.frame, item.command, item.current, item.autocontinue,
+        item.param1, item.param2, item.param3, item.param4,
+        item.x, item.y, item.z, int(item.mission_type),
+    )  # fmt: skip
+
+
+def _from_mavsdk(item: Any) -> RawItem:
+    return RawItem(
+        seq=item.seq,
+        frame=item.frame,
+        command=item.command,
+        current=item.current,
+        autocontinue=item.autocontinue,
+        param1=item.param1,
+        param2=item.param2,
+        param3=item.param3,
+        param4=item.param4,
+        x=item.x,
+        y=item.y,
+        z=item.z,
+        mission_type=item.mission_type,
+    )
+
+
+# --- opening links -------------------------------------------------------------------------------
+
+
+@dataclass(slots=True)
+class _Group:
+    """One MAVSDK object and the systems it has found."""
+
+    mavsdk: Any = None
+    found: dict[int, Vehicle] = field(default_factory=dict)
+
+
+@dataclass(slots=True)
+class _Open:
+    connection: Connection
+    group: _Group
+    alone: bool
+    reason: str = ""
+    opened: bool = False
+    heard: frozenset[int] = frozenset()
+    found: dict[int, Vehicle] = field(default_factory=dict)
+
+
+@contextlib.asynccontextmanager
+async def open_links(
+    connections: Sequence[Connection],
+    *,
+    expected: int,
+    timeouts: LinkTimeouts,
+    patient: bool = True,
+) -> AsyncIterator[FleetLinks[Vehicle]]:
+    """Open links, find the vehicles on them, close everything afterwards.
+
+    Parameters
+    ----------
+    connections
+        Links to open.
+    expected
+        How many vehicles are wanted; waiting ends early when every link has spoken and as many
+        are there.
+    timeouts
+        How long to wait.
+    patient
+        Whether to keep trying a TCP port that refuses for a moment: yes for links that the user
+        named, no for default ports, most of which may rightly be closed.
+
+    Yields
+    ------
+    FleetLinks
+        What was found; perhaps nothing.
+
+    Raises
+    ------
+    VehicleError
+        When two vehicles have one system id. Nothing has been sent then.
+    """
+    groups = [_Group() for _ in range(min(MAX_OBJECTS, len(connections)))]
+    opened = [
+        _Open(
+            connection=connection,
+            group=groups[index % len(groups)],
+            alone=len(connections) <= len(groups),
+        )
+        for index, connection in enumerate(connections)
+    ]
+    try:
+        await _discover(opened, expected=expected, timeouts=timeouts, patient=patient)
+        yield FleetLinks(
+            vehicles=await _unique(opened),
+            silent={link.connection.url: link.reason for link in opened if not link.found},
+        )
+    finally:
+        loop = asyncio.get_running_loop()
+        # Destroying joins MAVSDK's threads, which may be waiting to hand a message to this loop.
+        objects = [group.mavsdk for group in groups if group.mavsdk is not None]
+        await asyncio.gather(*(loop.run_in_executor(None, m.destroy) for m in objects))
+
+
+async def _discover(
+    opened: list[_Open], *, expected: int, timeouts: LinkTimeouts, patient: bool
+) -> None:
+    loop = asyncio.get_running_loop()
+    deadline = loop.time() + timeouts.discovery_s
+    opening = [asyncio.create_task(_open(link, timeouts, patient=patient)) for link in opened]
+    settled_at: float | None = None
+    try:
+        while True:
+            still_opening = not all(task.done() for task in opening)
+            for link in opened:
+                await _collect(link, opened, timeouts)
+            usable = [link for link in opened if not link.reason]
+            if not still_opening and not usable:
+                return
+            # With a link per robot, one vehicle each is all that can be asked for.
+            enough = len(opened) >= expected or sum(len(link.found) for link in opened) >= expected
+            spoken = not still_opening and all(link.found for link in usable)
+            if spoken and enough:
+                # A link that may carry several vehicles gets time for all of them to speak, or the
+                # ones that happened to come first would be taken.
+                several = len(usable) < expected or any(
+                    link.connection.scheme != "tcpout" for link in usable
+                )
+                settled_at = settled_at or loop.time() + (timeouts.settle_s if several else 0.0)
+                if loop.time() >= settled_at:
+                    return
+            if loop.time() >= deadline:
+                break
+            await asyncio.sleep(_POLL_S)
+    finally:
+        for task in opening:
+            task.cancel()
+        await asyncio.gather(*opening, return_exceptions=True)
+    for link in opened:
+        if not link.found and not link.reason:
+            link.reason = f"open, but no heartbeat in {timeouts.discovery_s:g} s"
+
+
+async def _open(link: _Open, timeouts: LinkTimeouts, *, patient: bool) -> None:
+    connection = link.connection
+    if connection.answers_probe:
+        # To MAVSDK a closed TCP port is a connection that it retries for ever.
+        link.reason, link.heard = await _probe(
+            connection, timeouts, patient=patient, listen=not link.alone
+        )
+        if link.reason:
+            return
+    _quiet_mavsdk()
+    from mavsdk.asyncio import Configuration, Mavsdk
+    from mavsdk.exceptions import MavsdkError
+
+    group = link.group
+    if group.mavsdk is None:
+        configuration = Configuration.create_manual(GCS_SYSTEM_ID, GCS_COMPONENT_ID, True)
+        group.mavsdk = Mavsdk(configuration)
+    try:
+        await group.mavsdk.add_any_connection(connection.url)
+    except MavsdkError as error:
+        link.reason = f"cannot be opened: {error}"
+    else:
+        link.opened = True
+
+
+async def _probe(
+    connection: Connection, timeouts: LinkTimeouts, *, patient: bool, listen: bool
+) -> tuple[str, frozenset[int]]:
+    """Return why nothing listens at a TCP port, or an empty string, and which systems speak there.
+
+    The systems are listened for only on demand: it takes a heartbeat's time.
+    """
+    loop = asyncio.get_running_loop()
+    deadline = loop.time() + (timeouts.retry_probe_s if patient else 0.0)
+    while True:
+        try:
+            reader, writer = await asyncio.wait_for(
+                asyncio.open_connection(connection.host.strip("[]"), connection.port),
+                timeouts.probe_s,
+            )
+        except (OSError, TimeoutError) as error:
+            reason = "no answer" if isinstance(error, TimeoutError) else os_reason(error)
+        else:
+            data = b""
+            with contextlib.suppress(OSError, TimeoutError):
+                async with asyncio.timeout(timeouts.settle_s if listen else 0.0):
+                    while listen and not heartbeat_ids(data):
+                        chunk = await reader.read(4096)
+                        if not chunk:
+                            break
+                        data += chunk
+            writer.close()
+            with contextlib.suppress(OSError):
+                await writer.wait_closed()
+            return "", heartbeat_ids(data)
+        if loop.time() >= deadline:
+            return reason, frozenset()
+        await asyncio.sleep(0.25)
+
+
+def heartbeat_ids(data: bytes) -> frozenset[int]:
+    """Return the system ids of the autopilots whose heartbeats are in a piece of MAVLink stream.
+
+    Parameters
+    ----------
+    data
+        Bytes from the start of a packet on; MAVLink 1 or 2.
+
+    Examples
+    --------
+    >>> sorted(heartbeat_ids(bytes([0xFE, 9, 0, 7, 1, 0]) + bytes(11)))
+    [7]
+    """
+    out: set[int] = set()
+    at = 0
+    while at + 10 <= len(data):
+        size = data[at + 1]
+        if data[at] == 0xFE:
+            system, component, message = data[at + 3], data[at + 4], data[at + 5]
+            length = size + 8
+        elif data[at] == 0xFD:
+            system, component = data[at + 5], data[at + 6]
+            message = int.from_bytes(data[at + 7 : at + 10], "little")
+            length = size + 12 + (13 if data[at + 2] & 1 else 0)
+        else:
+            at += 1
+            continue
+        if at + length <= len(data) and message == 0 and component == AUTOPILOT_COMPONENT_ID:
+            out.add(system)
+        at += length
+    return frozenset(out)
+
+
+async def _collect(link: _Open, links: Sequence[_Open], timeouts: LinkTimeouts) -> None:
+    """Add the autopilots that MAVSDK has discovered on `link` since the last look."""
+    group = link.group
+    if not link.opened or await group.mavsdk.system_count() <= len(group.found):
+        return
+    for system in await group.mavsdk.get_systems():
+        system_id = int(await system.get_system_id())
+        if system_id in group.found or not await system.has_autopilot():
+            continue
+        sharing = [other for other in links if other.group is group and other.opened]
+        home = next(
+            (other for other in sharing if system_id in other.heard),
+            # Nobody was heard with this id: a link on which nobody was heard at all.
+            next((other for other in sharing if not other.heard), link),
+        )
+        vehicle = Vehicle(system, system_id, home.connection, timeouts)
+        group.found[system_id] = home.found[system_id] = vehicle
+
+
+async def _unique(opened: Sequence[_Open]) -> dict[int, Vehicle]:
+    """Return all vehicles by system id.
+
+    Raises
+    ------
+    VehicleError
+        When two have the same.
+    """
+    vehicles: dict[int, Vehicle] = {}
+    speakers: dict[int, Connection] = {}
+    for link in opened:
+        for system_id in link.heard:
+            if system_id in speakers:
+                raise same_id_error(system_id, speakers[system_id], link.connection)
+            speakers[system_id] = link.connection
+        for system_id, vehicle in link.found.items():
+            if system_id in vehicles:
+                raise same_id_error(system_id, vehicles[system_id].connection, link.connection)
+            vehicles[system_id] = vehicle
+    ordered = dict(sorted(vehicles.items()))
+    for vehicle, twins in zip(
+        ordered.values(), await asyncio.gather(*(v.twins() for v in ordered.values())), strict=True
+    ):
+        if twins:
+            raise same_id_error(vehicle.system_id, vehicle.connection, vehicle.connection)
+    return ordered
+
+
+_quieted = False
+
+
+def _quiet_mavsdk() -> None:
+    """Send MAVSDK's log lines, which it writes to stdout, to Python's logging."""
+    global _quieted
+    if _quieted:
+        return
+    from mavsdk import LogLevel, log_subscribe
+
+    levels = {
+        LogLevel.DEBUG: logging.DEBUG,
+        LogLevel.INFO: logging.DEBUG,
+        LogLevel.WARN: logging.INFO,
+        LogLevel.ERROR: logging.INFO,
+    }
+
+    def handle(level: Any, message: str, _file: str | None, _line: int) -> bool:
+        _log.log(levels.get(level, logging.INFO), "%s", message)
+        return True
+
+    log_subscribe(handle)
+    _quieted = True
