@@ -3,8 +3,9 @@
 ``wire`` packs and parses; ``storage`` says what an autopilot keeps of an item, ``stores`` keeps it,
 ``transfer`` is the mission protocol; ``parameters``, ``motion``, ``fence``, ``execution`` and
 ``autopilot`` are the boat; ``telemetry`` builds what it streams; ``vehicle`` ties them into one
-state machine without sockets or clocks; ``transport`` and ``fleet`` put it on the network. ``ardupilot`` runs ArduPilot's own simulated
-vehicles instead, with ``ardupilot_process`` and ``ardupilot_ready``.
+state machine without sockets or clocks; ``transport`` and ``fleet`` put it on the network.
+``ardupilot`` runs ArduPilot's own simulated vehicles instead, with ``ardupilot_process`` and
+``ardupilot_ready``.
 """
 
 from mrmission.simulate.ardupilot import ArdupilotFleet

@@ -341,15 +341,21 @@ class ArdupilotFleet:
 
     async def _watched(self, work: Iterable[Coroutine[Any, Any, None]]) -> None:
         """Run one coroutine per vehicle, and stop at once when a process ends."""
-        tasks = [asyncio.ensure_future(one) for one in work]
-        watch = asyncio.ensure_future(self.run())
+        tasks = [asyncio.create_task(one) for one in work]
+        watch = asyncio.create_task(self.run())
         try:
-            everything = asyncio.gather(*tasks, return_exceptions=True)
-            await asyncio.wait({watch, everything}, return_when=asyncio.FIRST_COMPLETED)
+            pending: set[asyncio.Task[None]] = set(tasks)
+            while pending and not watch.done():
+                done, pending = await asyncio.wait(
+                    {watch, *pending}, return_when=asyncio.FIRST_COMPLETED
+                )
+                pending.discard(watch)
+                if any(task.exception() for task in done - {watch}):
+                    break
             if watch.done():
                 watch.result()
             for task in tasks:
-                error = task.exception()
+                error = task.exception() if task.done() else None
                 if isinstance(error, ConnectionError):
                     # The process is going: let the watch say why.
                     await asyncio.wait({watch}, timeout=5 * POLL_S)
