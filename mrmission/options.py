@@ -10,6 +10,11 @@ from mrmission.errors import ConfigError
 
 METHODS = ("crc", "cac", "fhk", "nrc", "minmax")
 VEHICLES = ("boat", "rover", "copter")
+ALTITUDES_ABOVE = ("home", "terrain")
+TRIGGERS = ("lanes", "continuous")
+MIN_ALTITUDE_M, MAX_ALTITUDE_M = 2.0, 1000.0
+"""Lower, a copter's own errors of height are as large; an autopilot takes 0 as "as before"."""
+MAX_TURNAROUND_M = 500.0
 MIN_LANE_OVERLAP_M = 0.02
 """Lanes lie at least this much closer than the swath, so that rounding opens no gap."""
 
@@ -53,6 +58,10 @@ class PlanOptions:
     angle_deg: float | None = None
     vehicle: str = "boat"
     altitude_m: float = 30.0
+    altitude_above: str = "home"
+    trigger_distance_m: float = 0.0
+    trigger: str = "lanes"
+    turnaround_m: float = 0.0
     berth_spacing_m: float = 15.0
     fence: bool = True
     fence_margin_m: float = 2.0
@@ -98,6 +107,38 @@ class PlanOptions:
         )
         check(self.vehicle in VEHICLES, "--vehicle", self.vehicle, "one of " + ", ".join(VEHICLES))
         check(
+            math.isfinite(self.altitude_m) and MIN_ALTITUDE_M <= self.altitude_m <= MAX_ALTITUDE_M,
+            "--altitude",
+            self.altitude_m,
+            f"between {MIN_ALTITUDE_M:g} and {MAX_ALTITUDE_M:g} m",
+        )
+        check(
+            self.altitude_above in ALTITUDES_ABOVE,
+            "--altitude-above",
+            self.altitude_above,
+            "one of " + ", ".join(ALTITUDES_ABOVE),
+        )
+        check(
+            self.vehicle == "copter" or self.altitude_above == "home",
+            "--altitude-above",
+            self.altitude_above,
+            "home, except for --vehicle copter",
+        )
+        check(self.trigger in TRIGGERS, "--trigger", self.trigger, "one of " + ", ".join(TRIGGERS))
+        check(
+            self.trigger_distance_m == 0
+            or (math.isfinite(self.trigger_distance_m) and self.trigger_distance_m >= 0.1),
+            "--trigger-distance",
+            self.trigger_distance_m,
+            "0 (no camera) or at least 0.1 m",
+        )
+        check(
+            math.isfinite(self.turnaround_m) and 0 <= self.turnaround_m <= MAX_TURNAROUND_M,
+            "--turnaround",
+            self.turnaround_m,
+            f"between 0 and {MAX_TURNAROUND_M:g} m",
+        )
+        check(
             self.angle_deg is None or math.isfinite(self.angle_deg),
             "--angle",
             self.angle_deg,
@@ -114,6 +155,15 @@ class PlanOptions:
                 math.isfinite(lon) and math.isfinite(lat) and abs(lon) <= 360 and abs(lat) <= 90,
                 "--start", f"{lon},{lat}", "LON,LAT in degrees",
             )  # fmt: skip
+
+    @property
+    def lanes_alone_count(self) -> bool:
+        """Return whether only lanes sweep: a camera is off, or turns are flown outside, elsewhere.
+
+        Otherwise transits sweep what they pass, and a plan counts on it.
+        """
+        camera = self.trigger_distance_m > 0 and self.trigger == "lanes"
+        return camera or self.turnaround_m > 0
 
     def as_dict(self) -> dict[str, Any]:
         """Return the options as plain JSON values."""

@@ -23,6 +23,14 @@ from mrmission.cli.options import area_options
     show_default=True,
     help="Distance from shore and islands that the missions should keep, m.",
 )
+@click.option(
+    "--turnaround",
+    "turnaround_m",
+    type=float,
+    default=0.0,
+    show_default=True,
+    help="How far beyond that a copter's turns may reach, m.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print the violations as JSON.")
 def check(
     area: Path,
@@ -32,12 +40,14 @@ def check(
     islands: bool,
     plans: tuple[Path, ...],
     clearance_m: float,
+    turnaround_m: float,
     as_json: bool,
 ) -> int:
     """Check PLANS (.plan or .waypoints files) against AREA; exit 1 when something is wrong.
 
     Every leg must keep in the water, by the clearance; inside its fence; the mission must end
-    where it began and fit a vehicle.
+    where it began, fit a vehicle, and hold nothing that the vehicle does not execute. A copter
+    takes off first, flies above the ground and returns; a camera that is on goes off.
     """
     from dataclasses import asdict
 
@@ -49,7 +59,9 @@ def check(
     found = []
     for path in plans:
         mission = read_waypoints(path) if path.suffix == ".waypoints" else read_plan(path)
-        wrong = check_mission(mission, survey.water_lonlat, clearance_m=clearance_m)
+        wrong = check_mission(
+            mission, survey.water_lonlat, clearance_m=clearance_m, turnaround_m=turnaround_m
+        )
         found += [(path, violation) for violation in wrong]
     if as_json:
         rows = [{"file": str(path), **asdict(violation)} for path, violation in found]

@@ -10,7 +10,14 @@ import click
 from click.core import ParameterSource
 
 from mrmission.errors import ConfigError
-from mrmission.options import METHODS, VEHICLES, PlanOptions, VehicleLimits
+from mrmission.options import (
+    ALTITUDES_ABOVE,
+    METHODS,
+    TRIGGERS,
+    VEHICLES,
+    PlanOptions,
+    VehicleLimits,
+)
 
 F = TypeVar("F", bound=Callable[..., Any])
 DEFAULT = PlanOptions()
@@ -128,7 +135,38 @@ _PLAN = [
         type=float,
         default=DEFAULT.altitude_m,
         show_default=True,
-        help="Height above home, m (copter).",
+        help="Height of the flight, m (copter).",
+    ),
+    click.option(
+        "--altitude-above",
+        type=click.Choice(ALTITUDES_ABOVE),
+        default=DEFAULT.altitude_above,
+        show_default=True,
+        help="What --altitude is measured from; terrain needs terrain data or a rangefinder.",
+    ),
+    click.option(
+        "--trigger-distance",
+        "trigger_distance_m",
+        type=float,
+        default=DEFAULT.trigger_distance_m,
+        show_default=True,
+        help="Metres between two photos on a lane; 0: no camera.",
+    ),
+    click.option(
+        "--trigger",
+        type=click.Choice(TRIGGERS),
+        default=DEFAULT.trigger,
+        show_default=True,
+        help="Camera on along each lane alone, or from the first lane to the last.",
+    ),
+    click.option(
+        "--turnaround",
+        "turnaround_m",
+        type=float,
+        default=DEFAULT.turnaround_m,
+        show_default=True,
+        help="Metres of run-in and run-out at the ends of a lane; on water only where there is "
+        "room.",
     ),
     click.option(
         "--no-fence",

@@ -57,6 +57,17 @@ def export_route(path: CoveragePath, frame: LocalFrame, tolerance_m: float) -> R
     )
 
 
+def _airspace(
+    water_m: shapely.Polygon, launch: shapely.Polygon, options: PlanOptions
+) -> shapely.Polygon:
+    """Return where a copter flies: the water, its launch place, and what its turns need."""
+    beyond_m = options.turnaround_m - options.clearance_m
+    if beyond_m > -options.fence_margin_m:
+        # half a metre for the roundness of the buffer and for rounding
+        water_m = water_m.buffer(beyond_m + options.fence_margin_m + 0.5)
+    return shapely.union(water_m, launch)
+
+
 def build_mission(
     route: Route,
     robot: int,
@@ -74,14 +85,22 @@ def build_mission(
     """
     items, kind, lane = build_items(route.lonlat, route.path.kind, route.path.lane, options)
     home = shapely.Point(home_m)
-    rally = (
-        RallyPoint(lat_e7=e7(route.lonlat[0, 1]), lon_e7=e7(wrap_lon_deg(route.lonlat[0, 0]))),
-    )
+    copter = options.vehicle == "copter"
+    # A return goes to the nearest of home and rally points. A copter's home is where it was armed,
+    # on dry land; the planned one lies over the water, and a rally point there would be nearer.
+    rally: tuple[RallyPoint, ...] = ()
+    if not copter:
+        lat_e7, lon_e7 = e7(route.lonlat[0, 1]), e7(wrap_lon_deg(route.lonlat[0, 0]))
+        rally = (RallyPoint(lat_e7=lat_e7, lon_e7=lon_e7),)
     fence: tuple[FencePolygon, ...] = ()
     land_m2, notes = 0.0, []
     if options.fence and len(route.lonlat) > 1:
         part = min(water_m.geoms, key=home.distance)
-        launch = part.intersection(home.buffer(LAUNCH_RADIUS_M))
+        launch = home.buffer(LAUNCH_RADIUS_M)
+        if copter:
+            part = _airspace(part, launch, options)
+        else:
+            launch = part.intersection(launch)
         try:
             fit = fit_fence(
                 part, [route.path.points_m], options.fence_margin_m, options.limits, keep=[launch],

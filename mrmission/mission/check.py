@@ -18,6 +18,7 @@ TURN_E7 = 3_600_000_000
 TOLERANCE_M = 0.1
 LAUNCH_STRIP_M = 50.0
 HOME_M = 1.0
+ABOVE_GROUND_FRAMES = frozenset({3, 6, 10, 11})
 STEP_M = 200.0
 """Legs and shores are cut to this length before they are projected, so that they stay straight."""
 
@@ -26,9 +27,9 @@ STEP_M = 200.0
 class Violation:
     """One thing that is wrong with a mission.
 
-    ``rule`` is a short name (``"water"``, ``"fence"``, ``"limits"``, ``"home"``, ``"items"``),
-    ``item`` the item concerned (-1: none), ``value`` and ``limit`` the measured number and what it
-    must not exceed, and ``message`` one line for a person.
+    ``rule`` is a short name (``"water"``, ``"fence"``, ``"limits"``, ``"home"``, ``"items"``,
+    ``"altitude"``, ``"camera"``), ``item`` the item concerned (-1: none), ``value`` and ``limit``
+    the measured number and what it must not exceed, and ``message`` one line for a person.
     """
 
     rule: str
@@ -169,12 +170,15 @@ def check_mission(
     limits: VehicleLimits | None = None,
     tolerance_m: float = TOLERANCE_M,
     launch_m: float = LAUNCH_STRIP_M,
+    turnaround_m: float = 0.0,
 ) -> tuple[Violation, ...]:
     """Check a mission as it is exported against the water and the vehicle's limits.
 
     Every leg lies in the water eroded by the clearance (within `launch_m` of home, in the water),
     every leg lies inside the fence, items, fence and rally points fit into the vehicle, home comes
-    first, exactly one item is current, and the last position is home.
+    first, exactly one item is current, and the last position is home. The vehicle executes every
+    command; a copter takes off first, flies above the ground and returns; a camera that is switched
+    on is switched off.
 
     Parameters
     ----------
@@ -190,6 +194,8 @@ def check_mission(
         A leg may be this far outside, m.
     launch_m
         Around home the clearance does not count within this distance, m.
+    turnaround_m
+        A copter's turns may lie this far outside the water that is `clearance_m` from the shore.
 
     Returns
     -------
@@ -200,10 +206,11 @@ def check_mission(
     if not mission.items:
         return ()
     path, items = navigation_path(mission)
-    found = [*_check_list(mission, limits)]
+    found = [*_check_list(mission, limits), *_check_vehicle(mission)]
     if len(path) < 2:
         return tuple(found)
-    found += _check_water(path, items, water_lonlat, clearance_m, tolerance_m, launch_m)
+    beyond_m = turnaround_m if mission.vehicle == "copter" else 0.0
+    found += _check_water(path, items, water_lonlat, clearance_m, tolerance_m + beyond_m, launch_m)
     found += check_fence(mission.fence, path, items)
     return tuple(found)
 
@@ -244,6 +251,81 @@ def _check_list(mission: Mission, limits: VehicleLimits) -> list[Violation]:
             add("items", index, item.y / 1e7, 180, f"item {index} has longitude {item.y / 1e7}")
     if mission.items[0].command != mavlink.NAV_WAYPOINT:
         add("items", 0, mission.items[0].command, mavlink.NAV_WAYPOINT, "item 0 must be home")
+    return found
+
+
+NOT_ON_WATER = {
+    mavlink.NAV_LAND: "land",
+    mavlink.NAV_TAKEOFF: "take-off",
+    mavlink.NAV_SPLINE_WAYPOINT: "spline waypoint",
+}
+"""Commands that ArduRover stores and skips: acceptance at upload proves nothing."""
+
+
+def _check_vehicle(mission: Mission) -> list[Violation]:
+    """Check that the vehicle does what the items say."""
+    found = []
+
+    def add(rule: str, item: int, value: float, limit: float, message: str) -> None:
+        found.append(Violation(rule=rule, item=item, value=value, limit=limit, message=message))
+
+    camera_m = 0.0
+    camera_item = -1
+    for item in mission.items[1:]:
+        if mission.vehicle != "copter" and item.command in NOT_ON_WATER:
+            add("items", item.seq, item.command, 0,
+                f"item {item.seq} is a {NOT_ON_WATER[item.command]}: a {mission.vehicle} "
+                "stores it and does not execute it")  # fmt: skip
+        if item.command == mavlink.DO_SET_CAM_TRIGG_DIST:
+            if not item.param1 >= 0:
+                add("camera", item.seq, item.param1, 0,
+                    f"item {item.seq} triggers a camera every {item.param1:g} m")  # fmt: skip
+            camera_m, camera_item = item.param1, item.seq
+    if camera_m > 0:
+        add("camera", camera_item, camera_m, 0,
+            f"the camera is switched on at item {camera_item} and never off")  # fmt: skip
+    if mission.vehicle == "copter":
+        found += _check_flight(mission)
+    return found
+
+
+def _check_flight(mission: Mission) -> list[Violation]:
+    """Check that a copter takes off first, keeps above the ground and comes down at the end."""
+    found = []
+    moves = [
+        i
+        for i in mission.items[1:]
+        if i.command in mavlink.NAVIGATION or i.command == mavlink.NAV_RETURN_TO_LAUNCH
+    ]
+    if not moves:
+        return []
+    first, last = moves[0], moves[-1]
+    if first.command != mavlink.NAV_TAKEOFF:
+        found.append(
+            Violation(
+                rule="items", item=first.seq, value=first.command, limit=mavlink.NAV_TAKEOFF,
+                message=f"item {first.seq} must be a take-off: a copter on the ground refuses AUTO",
+            )
+        )  # fmt: skip
+    if last.command not in (mavlink.NAV_RETURN_TO_LAUNCH, mavlink.NAV_LAND):
+        found.append(
+            Violation(
+                rule="items", item=last.seq, value=last.command,
+                limit=mavlink.NAV_RETURN_TO_LAUNCH,
+                message=f"item {last.seq} is the last: a copter hovers there until its battery is "
+                "empty; end with a return to launch or a landing",
+            )
+        )  # fmt: skip
+    for item in moves:
+        grounded = item.command in (mavlink.NAV_RETURN_TO_LAUNCH, mavlink.NAV_LAND)
+        if item.frame in ABOVE_GROUND_FRAMES and not grounded and not item.z > 0:
+            found.append(
+                Violation(
+                    rule="altitude", item=item.seq, value=item.z, limit=0.0,
+                    message=f"item {item.seq} has altitude {item.z:g} m: it must be above 0 "
+                    "(a copter takes 0 as the height it has)",
+                )
+            )  # fmt: skip
     return found
 
 

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from mrmission.errors import PlanningError
 from mrmission.mission import mavlink
 from mrmission.mission.mavlink import wrap_lon_deg as wrap_lon_deg
-from mrmission.model import FloatArray, IntArray, LegKind, MissionItem
+from mrmission.model import BoolArray, FloatArray, IntArray, LegKind, MissionItem
 from mrmission.options import PlanOptions
 
 KindArray = npt.NDArray[np.int8]
@@ -135,7 +135,13 @@ def build_items(
     change of speed where survey and transit differ and the kind of leg changes. The way back is
     made of waypoints that end exactly at home, because a return command sails straight over
     islands. At the end a boat loiters at home (hold would let it drift), a copter returns to launch
-    (from above it, to land), and a rover stays where its mission ends.
+    (from above it, to land), and a rover stays where its mission ends: it stops there whatever
+    the last item is (ArduRover makes boats alone hold a place), and a mission that ends leaves
+    the choice to MIS_DONE_BEHAVE.
+
+    With a trigger distance, a camera is switched on where a lane begins and off where it ends
+    (lanes that follow on each other without a transit are one stretch), or on at the first lane
+    and off after the last.
 
     Parameters
     ----------
@@ -145,7 +151,7 @@ def build_items(
     lane : (n - 1,) array
         Lane number of each leg, 0 on a transit.
     options
-        Vehicle, speeds and altitude.
+        Vehicle, speeds, altitude and camera.
 
     Returns
     -------
@@ -173,6 +179,8 @@ def build_items(
         )
     copter = options.vehicle == "copter"
     height_m = float(options.altitude_m) if copter else 0.0
+    above_terrain = copter and options.altitude_above == "terrain"
+    frame = mavlink.FRAME_GLOBAL_TERRAIN_ALT if above_terrain else mavlink.FRAME_GLOBAL_RELATIVE_ALT
     home = positions[0]
     items: list[MissionItem] = []
     kinds: list[int] = []
@@ -200,30 +208,64 @@ def build_items(
             )
         )
 
+    def add_camera(distance_m: float) -> None:
+        # the third parameter asks for a photo at once: at the lane's very start
+        params = (distance_m, 0.0, 1.0 if distance_m > 0 else 0.0, 0.0)
+        command = mavlink.DO_SET_CAM_TRIGG_DIST
+        add(_item(len(items), command, frame=mavlink.FRAME_GLOBAL, params=params))
+
     add(_item(0, mavlink.NAV_WAYPOINT, frame=mavlink.FRAME_GLOBAL, position_e7=home))
     start = mavlink.NAV_TAKEOFF if copter else mavlink.NAV_WAYPOINT
-    add(_item(1, start, position_e7=home, z=height_m))
+    add(_item(1, start, frame=frame, position_e7=home, z=height_m))
 
     one_speed = options.survey_speed_m_s == options.transit_speed_m_s
     at = home
     speed_of: int | None = None
-    for position, leg_kind, leg_lane in zip(positions[1:], kind, lane, strict=True):
+    camera_on = False
+    photos = photographed(np.asarray(kind), options)
+    for position, leg_kind, leg_lane, photo in zip(positions[1:], kind, lane, photos, strict=True):
         if position == at:
             continue
+        if camera_on and not photo:
+            add_camera(0.0)
         if speed_of is None or (not one_speed and leg_kind != speed_of):
             add_speed(int(leg_kind))
             speed_of = int(leg_kind)
+        if photo and not camera_on:
+            add_camera(float(options.trigger_distance_m))
+        camera_on = bool(photo)
         add(
-            _item(len(items), mavlink.NAV_WAYPOINT, position_e7=position, z=height_m),
+            _item(len(items), mavlink.NAV_WAYPOINT, frame=frame, position_e7=position, z=height_m),
             int(leg_kind),
             int(leg_lane),
         )
         at = position
+    if camera_on:
+        add_camera(0.0)
     if options.vehicle == "boat":
         add(_item(len(items), mavlink.NAV_LOITER_UNLIM, position_e7=home))
     elif copter:
         add(_item(len(items), mavlink.NAV_RETURN_TO_LAUNCH, frame=mavlink.FRAME_GLOBAL))
     return tuple(items), tuple(kinds), tuple(lanes)
+
+
+def photographed(kind: KindArray, options: PlanOptions) -> BoolArray:
+    """Return (n - 1,) which legs are travelled with the camera on; none without one.
+
+    Parameters
+    ----------
+    kind : (n - 1,) array of LegKind
+    options
+        Trigger distance and mode.
+    """
+    survey: BoolArray = np.asarray(kind) == LegKind.SURVEY
+    if options.trigger_distance_m <= 0 or not survey.any():
+        return np.zeros(len(survey), dtype=bool)
+    if options.trigger == "continuous":
+        lanes = np.flatnonzero(survey)
+        survey = np.zeros(len(survey), dtype=bool)
+        survey[lanes[0] : lanes[-1] + 1] = True
+    return survey
 
 
 def count_items(kind: KindArray, options: PlanOptions) -> int:
@@ -234,7 +276,7 @@ def count_items(kind: KindArray, options: PlanOptions) -> int:
     kind : (n - 1,) array of LegKind
         Legs between distinct positions.
     options
-        Vehicle and speeds.
+        Vehicle, speeds and camera.
     """
     legs = np.asarray(kind)
     if len(legs) == 0:
@@ -242,4 +284,7 @@ def count_items(kind: KindArray, options: PlanOptions) -> int:
     changes = 1
     if options.survey_speed_m_s != options.transit_speed_m_s:
         changes += int(np.count_nonzero(legs[1:] != legs[:-1]))
+    photos = photographed(legs, options)
+    # on where a stretch of photos begins, off where it ends
+    changes += 2 * int(np.count_nonzero(np.diff(photos, prepend=False) & photos))
     return 2 + changes + len(legs) + (1 if options.vehicle in ("boat", "copter") else 0)

@@ -68,6 +68,7 @@ def repair(
     harbour: Harbour,
     time: TimeModel,
     swath_m: float,
+    lanes_alone: bool = False,
 ) -> tuple[CoveragePath, ...]:
     """Return the paths with extra legs so that no piece above the limits stays uncovered.
 
@@ -75,7 +76,8 @@ def repair(
     it, and goes to the leg of the robot where the detour costs least, robots that would become the
     longest counted dearer. A survey leg is left and met again at the same point, so nothing
     that it covers is lost. A transit is bent, which may uncover what it covered by the way:
-    the caller looks again at the whole.
+    the caller looks again at the whole. With `lanes_alone` transits cover nothing, and one that
+    is bent becomes a lane.
 
     Raises
     ------
@@ -84,13 +86,13 @@ def repair(
     """
     paths = list(paths)
     area = uncovered.region.area
-    pieces = uncovered.remainder(fleet_legs(paths, frame))
+    pieces = uncovered.remainder(fleet_legs(paths, frame, lanes_alone=lanes_alone))
     for _ in range(MAX_ROUNDS):
         todo = pieces_to_repair(pieces, swath_m, area)
         if not todo:
             return tuple(paths)
         extras = _choose(todo, paths, uncovered, frame, harbour, time, swath_m)
-        paths, new_legs = _insert(paths, extras, harbour)
+        paths, new_legs = _insert(paths, extras, harbour, lanes_alone)
         pieces = subtract_legs(
             np.array(pieces, dtype=object), frame.to_sweep(new_legs), uncovered.radius_m
         )
@@ -102,9 +104,14 @@ def repair(
     )
 
 
-def fleet_legs(paths: Sequence[CoveragePath], frame: SweepFrame) -> FloatArray:
-    """Return (n, 2, 2) legs of all paths, sweep frame."""
-    return frame.to_sweep(np.concatenate([legs_of(p) for p in paths]))
+def fleet_legs(
+    paths: Sequence[CoveragePath], frame: SweepFrame, *, lanes_alone: bool = False
+) -> FloatArray:
+    """Return (n, 2, 2) legs of all paths, or of their lanes alone, sweep frame."""
+    legs = np.concatenate([legs_of(p) for p in paths])
+    if lanes_alone:
+        legs = legs[np.concatenate([p.kind for p in paths]) == LegKind.SURVEY]
+    return frame.to_sweep(legs)
 
 
 def _viewpoints(piece: shapely.Polygon, uncovered: Uncovered) -> shapely.Geometry:
@@ -221,7 +228,10 @@ def _choose(
 
 
 def _insert(
-    paths: Sequence[CoveragePath], extras: Sequence[_Extra], harbour: Harbour
+    paths: Sequence[CoveragePath],
+    extras: Sequence[_Extra],
+    harbour: Harbour,
+    lanes_alone: bool = False,
 ) -> tuple[list[CoveragePath], FloatArray]:
     """Put the extras into their legs, several in one leg in the order in which it passes them.
 
@@ -241,6 +251,7 @@ def _insert(
                 continue
             a, b = path.points_m[j], path.points_m[j + 1]
             kind = LegKind(int(path.kind[j]))
+            way_kind = LegKind.SURVEY if lanes_alone else kind
             step = b - a
             mine.sort(key=lambda e: float((e.enter_m - a) @ step))
             plan: list[tuple[FloatArray | int, LegKind]] = []
@@ -259,7 +270,7 @@ def _insert(
                 if kind == LegKind.SURVEY:
                     plan.append((np.array([here, extra.enter_m]), kind))
                     here = extra.enter_m
-                ask(here, extra.line_m[0], kind)  # a bent transit is a transit still
+                ask(here, extra.line_m[0], way_kind)  # a bent transit is a transit still
                 for p, q in pairwise(extra.line_m):
                     ask(p, q, LegKind.SURVEY)
                 here = extra.line_m[-1]
@@ -269,7 +280,7 @@ def _insert(
             if kind == LegKind.SURVEY:
                 plan.append((np.array([here, b]), kind))
             else:
-                ask(here, b, kind)
+                ask(here, b, way_kind)
             plans[first_leg + j] = plan
         first_leg += len(path.kind)
     ways = harbour.paths(np.array([a for a, _ in asks]), np.array([b for _, b in asks]))

@@ -1,0 +1,119 @@
+"""Run-ins and run-outs: lanes lengthened at both ends, so that the turns lie outside them."""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+
+from mrmission.model import BoolArray, CoveragePath, FloatArray, LegKind
+from mrmission.tour.path import make_path
+
+SHORTEST_M = 0.5
+"""Shorter run-ins are left out: they are less than a vehicle's acceptance radius."""
+TOUCH_M = 1e-6
+"""A leg may lie this far outside the region: rounding, not travel."""
+
+
+def with_turnarounds(
+    path: CoveragePath, turnaround_m: float, region: shapely.Geometry | None
+) -> CoveragePath:
+    """Return the path with a straight run-in before and a run-out after every stretch of lanes.
+
+    The transit to a lane then ends, and the one from it begins, at the outer end of its run. What
+    lies between is as it was, so the new path stays within `turnaround_m` of the old one. Lanes
+    that follow on each other without a transit are one stretch; a lane that begins or ends at home
+    has no run there.
+
+    Parameters
+    ----------
+    path : CoveragePath
+        From home to home.
+    turnaround_m : float
+        Length of a run.
+    region : Polygon or MultiPolygon, optional
+        What must not be left, local frame: runs are then cut to what lies inside, and left out
+        where they are too short or where the transit could not follow. None lets all through: a
+        copter flies over the shore.
+
+    Returns
+    -------
+    CoveragePath
+        Runs are transits (lane 0).
+    """
+    kind = np.asarray(path.kind)
+    survey = kind == LegKind.SURVEY
+    if turnaround_m <= 0 or not survey.any():
+        return path
+    points = path.points_m
+    last = len(kind) - 1
+    # first and last leg of each stretch; (m,) indices of legs
+    heads = np.flatnonzero(survey & ~np.append(False, survey[:-1]))
+    tails = np.flatnonzero(survey & ~np.append(survey[1:], False))
+    heads, tails = heads[heads > 0], tails[tails < last]
+    # the point at which each run touches its lane, and the one where it meets the transit
+    at = np.concatenate([heads, tails + 1])
+    inner = points[at]
+    along = np.concatenate([points[heads] - points[heads + 1], points[tails + 1] - points[tails]])
+    along = along / np.hypot(along[:, 0], along[:, 1])[:, None]
+    outer = inner + turnaround_m * along
+    if region is not None:
+        outer = _inside(inner, outer, region)
+    keep = np.hypot(*(outer - inner).T) >= SHORTEST_M
+    moved = dict(zip(at[keep].tolist(), outer[keep], strict=True))
+    if region is not None:
+        moved = _passable(points, survey, moved, region)
+
+    out: list[FloatArray] = [points[:1]]
+    kinds: list[int] = []
+    lanes: list[int] = []
+
+    def go(point: FloatArray, leg_kind: int, lane: int) -> None:
+        out.append(point[None])
+        kinds.append(leg_kind)
+        lanes.append(lane)
+
+    for i in range(len(kind)):
+        end = i + 1
+        if survey[i]:
+            go(points[end], int(kind[i]), int(path.lane[i]))
+            # a run-out follows the last lane of its stretch
+            if end in moved and not survey[end]:
+                go(moved[end], LegKind.TRANSIT, 0)
+        elif end in moved:
+            go(moved[end], LegKind.TRANSIT, 0)
+            go(points[end], LegKind.TRANSIT, 0)
+        else:
+            go(points[end], int(kind[i]), int(path.lane[i]))
+    return make_path(path.robot, np.concatenate(out), kinds, lanes)
+
+
+def _inside(inner: FloatArray, outer: FloatArray, region: shapely.Geometry) -> FloatArray:
+    """Return how far each run can go from its lane before it leaves the region, (m, 2)."""
+    runs = shapely.linestrings(np.stack([inner, outer], axis=1))
+    out = inner.copy()
+    for i, part in enumerate(shapely.intersection(runs, region)):
+        for line in shapely.get_parts(part):
+            ends = shapely.get_coordinates(line)
+            away = np.hypot(*(ends - inner[i]).T)
+            if len(ends) > 1 and away.min() <= 1e-3:
+                out[i] = ends[int(np.argmax(away))]
+    return out
+
+
+def _passable(
+    points: FloatArray, survey: BoolArray, moved: dict[int, FloatArray], region: shapely.Geometry
+) -> dict[int, FloatArray]:
+    """Drop the runs whose transit would leave the region on its way to or from their outer end."""
+    wide = shapely.buffer(region, TOUCH_M)
+    shapely.prepare(wide)
+    legs = [i for i in range(len(survey)) if not survey[i] and (i in moved or i + 1 in moved)]
+    while True:
+        ends = np.array([[moved.get(i, points[i]), moved.get(i + 1, points[i + 1])] for i in legs])
+        if not legs:
+            return moved
+        bad = np.flatnonzero(~shapely.covers(wide, shapely.linestrings(ends)))
+        dropped = {j for i in bad.tolist() for j in (legs[i], legs[i] + 1) if j in moved}
+        if not dropped:
+            return moved
+        moved = {j: point for j, point in moved.items() if j not in dropped}
+        legs = [i for i in legs if i in moved or i + 1 in moved]
