@@ -249,6 +249,30 @@ class RobotReport:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class StraightReturn:
+    """Where one robot's straight way home (return to launch) leaves the water.
+
+    ``share_over_land`` of its way, the longest stretch over land, and the place on the way where
+    that one begins (None where every way home stays in the water). ``farthest_m`` is how far from
+    home it gets, ``fence_action`` the FENCE_ACTION that suits it.
+    """
+
+    robot: int
+    share_over_land: float
+    longest_over_land_m: float
+    worst_lonlat: tuple[float, float] | None
+    farthest_m: float
+    fence_action: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FailsafeReport:
+    """What the vehicles do at a breach or a failsafe; empty for vehicles that fly."""
+
+    straight_returns: tuple[StraightReturn, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class FleetReport:
     """Every number of the table; ``report.json`` is this, field by field."""
 
@@ -276,6 +300,7 @@ class FleetReport:
     notes: tuple[str, ...]
     versions: Mapping[str, str]
     seed: int
+    failsafe: FailsafeReport = FailsafeReport()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -29,6 +29,12 @@ from mrmission.mission.build import (
     build_mission,
     export_route,
 )
+from mrmission.mission.failsafe import (
+    StraightWays,
+    failsafe_notes,
+    failsafe_report,
+    straight_ways,
+)
 from mrmission.model import (
     CoveragePath,
     FleetPlan,
@@ -341,6 +347,7 @@ def _finish(
     missions: dict[int, Mission] = {}
     rows: dict[int, RobotReport] = {}
     paths: dict[int, CoveragePath] = {}
+    ways: dict[int, StraightWays] = {}
     homes = np.zeros((options.robots, 2))
     covered = covered_by_survey = largest = bound = 0.0
     for part in parts:
@@ -351,6 +358,8 @@ def _finish(
             missions[robot] = built.mission
             paths[robot] = replace(route.path, robot=robot)
             homes[robot - 1] = home
+            if options.vehicle != "copter":
+                ways[robot] = straight_ways(built.path.points_m, home, water)
             rows[robot] = _robot_row(robot, built, frame.to_lonlat(home[None])[0], time)
         covered += coverage.covered_m2
         covered_by_survey += coverage.covered_by_survey_m2
@@ -361,6 +370,8 @@ def _finish(
                 coverage.covered_m2, options.swath_m, len(part.robots), time.top_speed_m_s
             ),
         )
+    failsafe = failsafe_report(ways, frame)
+    notes.extend(failsafe_notes(failsafe))
     robots = tuple(rows[r] for r in sorted(rows))
     largest_part = max(parts, key=lambda p: p.region_m.area)
     planned = total_area([p.region_m for p in parts])
@@ -409,6 +420,7 @@ def _finish(
         notes=tuple(notes),
         versions=versions(),
         seed=options.seed,
+        failsafe=failsafe,
     )
     return FleetPlan(
         area=area,
