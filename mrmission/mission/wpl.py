@@ -79,7 +79,7 @@ def _number(value: float) -> str:
     return short if math.isnan(value) or float(short) == value else repr(float(value))
 
 
-def read_waypoints(path: str | os.PathLike[str], *, vehicle: str = "boat") -> Mission:
+def read_waypoints(path: str | os.PathLike[str], *, vehicle: str | None = None) -> Mission:
     """Read a ``.waypoints`` file: a mission, or a fence or rally points in the same format.
 
     Parameters
@@ -87,7 +87,8 @@ def read_waypoints(path: str | os.PathLike[str], *, vehicle: str = "boat") -> Mi
     path
         The file.
     vehicle
-        What the mission is for; the file does not say.
+        What the mission is for. The file does not say: without this a mission with a take-off is
+        a copter's, any other a boat's.
 
     Raises
     ------
@@ -103,7 +104,7 @@ def read_waypoints(path: str | os.PathLike[str], *, vehicle: str = "boat") -> Mi
     return parse_waypoints(text, source=str(source), vehicle=vehicle)
 
 
-def parse_waypoints(text: str, *, source: str = "waypoints", vehicle: str = "boat") -> Mission:
+def parse_waypoints(text: str, *, source: str = "waypoints", vehicle: str | None = None) -> Mission:
     """Read the text of a ``.waypoints`` file, see :func:`read_waypoints`.
 
     Parameters
@@ -113,7 +114,7 @@ def parse_waypoints(text: str, *, source: str = "waypoints", vehicle: str = "boa
     source
         What to call it in messages.
     vehicle
-        What the mission is for.
+        What the mission is for, see :func:`read_waypoints`.
 
     Raises
     ------
@@ -128,6 +129,9 @@ def parse_waypoints(text: str, *, source: str = "waypoints", vehicle: str = "boa
     for number, line in enumerate(lines[1:], start=2):
         if line.strip() and not line.startswith("#"):
             items.append(_row(source, number, line.split(), len(items)))
+    if vehicle is None:
+        flies = any(i.command == mavlink.NAV_TAKEOFF for i in items)
+        vehicle = "copter" if flies else "boat"
     return Mission(
         robot=1,
         sortie=1,
