@@ -1,0 +1,1 @@
+"""Sail a plan with simulated vehicles and measure what was driven."""
