@@ -35,6 +35,7 @@ from mrmission.mission.failsafe import (
     failsafe_report,
     straight_ways,
 )
+from mrmission.mission.wanted import vehicle_notes
 from mrmission.model import (
     CoveragePath,
     FleetPlan,
@@ -57,6 +58,7 @@ from mrmission.tour.repair import fleet_legs, number_lanes, pieces_to_repair, re
 from mrmission.tour.starts import bottleneck_assignment
 from mrmission.tour.sweep import Sweep, best_bearing_deg, lane_spacing_m, sweep_region
 from mrmission.tour.timing import TimeModel
+from mrmission.tour.turnaround import with_turnarounds
 
 AUTO_METHODS = ("crc", "cac")
 MAX_EXPORT_ROUNDS = 6
@@ -373,6 +375,9 @@ def _finish(
     failsafe = failsafe_report(ways, frame)
     notes.extend(failsafe_notes(failsafe))
     robots = tuple(rows[r] for r in sorted(rows))
+    busy = next((m for _, m in sorted(missions.items()) if m.items), None)
+    if busy is not None:
+        notes.extend(vehicle_notes(busy, options, LAUNCH_RADIUS_M))
     largest_part = max(parts, key=lambda p: p.region_m.area)
     planned = total_area([p.region_m for p in parts])
     makespan = max(r.duration_s for r in robots)
@@ -447,18 +452,23 @@ def _export(
     tolerance = leg_tolerance_m(options.swath_m)
     turn = part.sweep.frame
     paths = part.paths
+    alone = options.lanes_alone_count
+    # a copter may turn over the shore, a boat turns where there is water
+    limits = None if options.vehicle == "copter" else part.region_m
     for _ in range(MAX_EXPORT_ROUNDS):
-        paths = repair(paths, part.uncovered, turn, part.harbour, time, options.swath_m)
-        routes = [export_route(number_lanes(p), frame, tolerance) for p in paths]
-        pieces = part.uncovered.remainder(fleet_legs([r.path for r in routes], turn))
+        paths = repair(paths, part.uncovered, turn, part.harbour, time, options.swath_m, alone)
+        turned = [with_turnarounds(p, options.turnaround_m, limits) for p in paths]
+        routes = [export_route(number_lanes(p), frame, tolerance) for p in turned]
+        legs = fleet_legs([r.path for r in routes], turn, lanes_alone=alone)
+        pieces = part.uncovered.remainder(legs)
         if not pieces_to_repair(pieces, options.swath_m, part.region_m.area, final=True):
             break
     else:
         worst = max(p.area for p in pieces)
         raise PlanningError(f"{worst:.2f} m² stay uncovered: choose another --angle or --swath")
-    survey = np.concatenate([r.path.kind for r in routes]) == LegKind.SURVEY
-    legs = fleet_legs([r.path for r in routes], turn)
-    by_survey = part.uncovered.remainder(legs[survey])
+    by_survey = part.uncovered.remainder(
+        fleet_legs([r.path for r in routes], turn, lanes_alone=True)
+    )
     return routes, _Coverage(
         covered_m2=part.region_m.area - total_area(pieces),
         covered_by_survey_m2=part.region_m.area - total_area(by_survey),
@@ -478,7 +488,8 @@ def _covered_beyond(
         return 0.0
     sweep = parts[0].sweep
     uncovered = Uncovered(sweep.frame.turn(rest), sweep.column_pitch_m, options.swath_m / 2)
-    return float(rest.area) - total_area(uncovered.remainder(fleet_legs(paths, sweep.frame)))
+    legs = fleet_legs(paths, sweep.frame, lanes_alone=options.lanes_alone_count)
+    return float(rest.area) - total_area(uncovered.remainder(legs))
 
 
 def _robot_row(
