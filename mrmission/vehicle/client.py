@@ -29,8 +29,13 @@ from mrmission.vehicle.links import (
     ARMED_FLAG,
     GCS_COMPONENT_ID,
     GCS_SYSTEM_ID,
+    MOST_ITEMS,
+    NO_SPACE,
+    ROOM_TEXT_S,
+    ROOM_TRIES,
     FleetLinks,
     LinkTimeouts,
+    items_supported,
     mode_name,
     sd_limits,
 )
@@ -42,6 +47,7 @@ PARAMETER_TRIES = 4
 PARAMETER_REPLY_S = 0.4
 COUNT_TRIES = 8
 TWIN_ROUNDS = 5
+POSITION_S = 3.0
 QUEUE_MOST = 10_000
 _TEXT_BYTES = 50
 
@@ -93,6 +99,8 @@ class Vehicle:
         self._armed: bool | None = None
         self._mode = ""
         self._type = 0
+        self.autopilot = 0
+        """MAV_AUTOPILOT of the last heartbeat."""
         self._heard_s = self._loop.time()
         self.rival: int | None = None
         """System id of another ground station to which this vehicle last spoke of a transfer."""
@@ -121,6 +129,7 @@ class Vehicle:
         if number == _HEARTBEAT:
             self._armed = bool(message.base_mode & ARMED_FLAG)
             self._type = int(message.type)
+            self.autopilot = int(message.autopilot)
             self._mode = mode_name(self._type, int(message.custom_mode))
         elif number == _STATUSTEXT:
             self._take_text(message)
@@ -484,6 +493,45 @@ class Vehicle:
             says = f"says {told[-1]:g}" if told else "does not confirm it (no such parameter?)"
             raise VehicleError(f"{self.where()}: {name} set to {value:g}, and it {says}")
         return _tidy(reply.param_value)
+
+    async def room(self, mission_type: MissionType) -> int | None:
+        """Return how many items a store takes at most, None where the vehicle does not tell.
+
+        ArduPilot refuses a list that is longer than the store before it touches what is there, and
+        says how long a list may be. So it is asked with a list that no store holds. Others are not
+        asked.
+        """
+        if self.autopilot != mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA:
+            return None
+        with self.listen("MISSION_ACK", "STATUSTEXT") as queue:
+            for _ in range(ROOM_TRIES):
+                self.forget_status_texts()
+                self.send(
+                    mavlink.MAVLink_mission_count_message(
+                        self.system_id, AUTOPILOT_COMPONENT_ID, MOST_ITEMS, int(mission_type)
+                    )
+                )
+                reply = await self._next(
+                    queue,
+                    lambda m: m.get_type() == "MISSION_ACK" and m.mission_type == mission_type,
+                    self._timeouts.reply_s,
+                )
+                if reply is not None and reply.type != NO_SPACE:
+                    return None
+                if reply is not None and items_supported(self._texts) is None:
+                    await self._next(
+                        queue, lambda m: items_supported(self._texts) is not None, ROOM_TEXT_S
+                    )
+                found = items_supported(self._texts)
+                if found is not None:
+                    return found
+        return None
+
+    async def position(self) -> tuple[float, float] | None:
+        """Return where the vehicle is, lon and lat in degrees; None without a position."""
+        with contextlib.suppress(LinkTimeoutError):
+            await self.message("GLOBAL_POSITION_INT", POSITION_S)
+        return self.position_lonlat()
 
     async def limits(self, default: VehicleLimits) -> VehicleLimits:
         """Return what the vehicle can hold: `default`, or more where it stores on an SD card."""

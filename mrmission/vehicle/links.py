@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import AsyncIterator, Callable, Sequence
+from collections.abc import AsyncIterator, Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
@@ -23,6 +23,14 @@ GCS_COMPONENT_ID = 190
 AUTOPILOT_COMPONENT_ID = 1
 ARMED_FLAG = 128
 CLIENTS = ("pymavlink", "mavsdk")
+
+MOST_ITEMS = 65535
+"""A list of so many items is announced to be refused: see `StoreVehicle.room`."""
+ROOM_TRIES = 3
+ROOM_TEXT_S = 0.5
+"""The text with the number comes with the refusal, or right after it."""
+NO_SPACE = 4
+"""MAV_MISSION_RESULT of a store that is too small."""
 
 MISSION_ITEM_BYTES = 15
 MISSION_HEADER_BYTES = 4
@@ -112,6 +120,12 @@ class StoreVehicle(Protocol):
     async def limits(self, default: VehicleLimits) -> VehicleLimits:
         """Return what the vehicle can hold."""
 
+    async def room(self, mission_type: MissionType) -> int | None:
+        """Return how many items a store takes at most, None where the vehicle does not tell."""
+
+    async def position(self) -> tuple[float, float] | None:
+        """Return where the vehicle is, lon and lat in degrees; None without a position."""
+
     async def upload(
         self,
         mission_type: MissionType,
@@ -167,16 +181,16 @@ async def open_links(
     if client == "mavsdk":
         if signing is not None:
             raise ConfigError("--sign-key-file: MAVSDK cannot sign; use --client pymavlink")
-        from mrmission.vehicle import mavsdk_link
+        from mrmission.vehicle.mavsdk_link import open_links as open_over_mavsdk
 
-        async with mavsdk_link.open_links(
+        async with open_over_mavsdk(
             connections, expected=expected, timeouts=timeouts, patient=patient
         ) as over_mavsdk:
             yield FleetLinks(vehicles=dict(over_mavsdk.vehicles), silent=over_mavsdk.silent)
     elif client == "pymavlink":
-        from mrmission.vehicle import client as own
+        from mrmission.vehicle.client import open_links as open_own
 
-        async with own.open_links(
+        async with open_own(
             connections, expected=expected, timeouts=timeouts, patient=patient, signing=signing
         ) as over_own:
             yield FleetLinks(vehicles=dict(over_own.vehicles), silent=over_own.silent)
@@ -216,6 +230,21 @@ def sd_limits(default: VehicleLimits, *, mission_kib: float, fence_kib: float) -
             fence_polygon_points=max(out.fence_polygon_points, SD_FENCE_POLYGON_POINTS),
         )
     return out
+
+
+def items_supported(texts: Iterable[str]) -> int | None:
+    """Return N of an autopilot's status text "Only N items are supported", if it said that.
+
+    Examples
+    --------
+    >>> items_supported(["EKF3 active", "Only 655 items are supported"])
+    655
+    """
+    for text in reversed(list(texts)):
+        words = text.split()
+        if words[:1] == ["Only"] and words[2:4] == ["items", "are"] and words[1].isdigit():
+            return int(words[1])
+    return None
 
 
 def same_id_error(system_id: int, first: Connection, second: Connection) -> VehicleError:

@@ -33,9 +33,14 @@ from mrmission.vehicle.links import (
     AUTOPILOT_COMPONENT_ID,
     GCS_COMPONENT_ID,
     GCS_SYSTEM_ID,
+    MOST_ITEMS,
+    NO_SPACE,
+    ROOM_TEXT_S,
+    ROOM_TRIES,
     FleetLinks,
     LinkTimeouts,
     TransferError,
+    items_supported,
     mode_name,
     os_reason,
     same_id_error,
@@ -48,8 +53,14 @@ MAX_OBJECTS = 12
 """MAVSDK objects at a time, see above."""
 
 MISSION_ACCEPTED = 0
+ARDUPILOT = 3
+REQUEST_MESSAGE = 512
+GLOBAL_POSITION_INT = 33
 _POLL_S = 0.05
-_LISTENED = ("HEARTBEAT", "STATUSTEXT", "MISSION_COUNT", "MISSION_ACK", "PARAM_VALUE")
+_LISTENED = (
+    "HEARTBEAT", "STATUSTEXT", "MISSION_COUNT", "MISSION_ACK", "PARAM_VALUE",
+    "GLOBAL_POSITION_INT",
+)  # fmt: skip
 
 
 @dataclass(slots=True)
@@ -58,6 +69,7 @@ class _State:
 
     armed: bool | None = None
     mode: str = ""
+    autopilot: int = 0
     heard_s: float = 0.0
     texts: deque[str] = field(default_factory=lambda: deque(maxlen=20))
 
@@ -111,6 +123,7 @@ class Vehicle:
         if name == "HEARTBEAT":
             self._state.armed = bool(int(fields["base_mode"]) & ARMED_FLAG)
             mode = int(fields["custom_mode"])
+            self._state.autopilot = int(fields["autopilot"])
             self._state.mode = mode_name(int(fields["type"]), mode)
         elif name == "STATUSTEXT":
             self._state.texts.append(str(fields["text"]).rstrip("\0"))
@@ -248,6 +261,46 @@ class Vehicle:
                 )
                 if reply is not None and reply["param_value"] is not None:
                     return float(reply["param_value"])
+        return None
+
+    async def room(self, mission_type: MissionType) -> int | None:
+        """Return how many items a store takes at most, None where the vehicle does not tell.
+
+        See the own client's.
+        """
+        if self._state.autopilot != ARDUPILOT:
+            return None
+        with self._listen("MISSION_ACK") as queue:
+            for _ in range(ROOM_TRIES):
+                self.forget_status_texts()
+                self._send("MISSION_COUNT", count=MOST_ITEMS, mission_type=int(mission_type))
+                reply = await self._reply(
+                    queue, lambda f: int(f["mission_type"]) == mission_type, self._timeouts.reply_s
+                )
+                if reply is not None and int(reply["type"]) != NO_SPACE:
+                    return None
+                deadline_s = self._loop.time() + (ROOM_TEXT_S if reply is not None else 0.0)
+                while (found := items_supported(self._state.texts)) is None:
+                    if self._loop.time() >= deadline_s:
+                        break
+                    await asyncio.sleep(_POLL_S)
+                if found is not None:
+                    return found
+        return None
+
+    async def position(self) -> tuple[float, float] | None:
+        """Return where the vehicle is, lon and lat in degrees; None without a position."""
+        with self._listen("GLOBAL_POSITION_INT") as queue:
+            for _ in range(3):
+                self._send(
+                    "COMMAND_LONG", command=REQUEST_MESSAGE, confirmation=0,
+                    param1=GLOBAL_POSITION_INT, param2=0.0, param3=0.0, param4=0.0, param5=0.0,
+                    param6=0.0, param7=0.0,
+                )  # fmt: skip
+                reply = await self._reply(queue, _any_message, self._timeouts.reply_s)
+                if reply is not None:
+                    lat, lon = int(reply["lat"]), int(reply["lon"])
+                    return (lon * 1e-7, lat * 1e-7) if lat or lon else None
         return None
 
     async def limits(self, default: VehicleLimits) -> VehicleLimits:
