@@ -7,7 +7,7 @@ READY := $(VENV)/.ready
 DEV := $(VENV)/.dev
 WORKERS ?= 2
 
-.PHONY: demo test check types unit wheel bench docs browser clean
+.PHONY: demo test test-sitl check types unit wheel bench docs browser clean
 
 demo: $(READY)
 	$(BIN)/mrmission upload geofences/demo_lake.geojson --k 6 --simulate --out demo-out --overwrite
@@ -35,8 +35,14 @@ check: $(DEV)
 types: $(DEV)
 	$(BIN)/mypy
 
+# the tests that have ArduPilot's part to them run against light boats here, or are skipped by name
 unit: $(DEV)
-	$(BIN)/pytest -n $(WORKERS) --doctest-modules mrmission tests
+	$(BIN)/pytest -n $(WORKERS) --engines light --doctest-modules mrmission tests
+
+# the same tests, and those for ArduPilot alone, against ArduRover (and ArduCopter) in SITL: on PATH,
+# or named by ARDUROVER (ARDUCOPTER); fails when there is no ardurover
+test-sitl: $(DEV)
+	$(BIN)/pytest --engines ardupilot --timeout 900 tests
 
 # the wheel, installed in an environment that has never seen the checkout
 wheel: $(DEV)

@@ -1,13 +1,16 @@
-"""Shared fixtures: paths to the sample areas, and to the data beside the checkout where it is."""
+"""Shared fixtures: sample areas, the data beside the checkout, fleets of both engines."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from fleets import Engine, Pool, why_not
 
 ROOT = Path(__file__).resolve().parents[1]
 SHARED = ROOT.parent / "shared"
+NOT_TESTED = "ARDUPILOT NOT TESTED"
 
 
 @pytest.fixture(scope="session")
@@ -28,3 +31,60 @@ def score_script() -> Path:
     if not path.is_file():
         pytest.skip("../shared/score/score_missions.py is not beside this checkout")
     return path
+
+
+@pytest.fixture(scope="session")
+def ardupilot_pool() -> Iterator[Pool]:
+    pool = Pool()
+    yield pool
+    pool.drop()
+
+
+@pytest.fixture(params=["light", pytest.param("ardupilot", marks=pytest.mark.ardupilot)])
+def engine(request: pytest.FixtureRequest, ardupilot_pool: Pool) -> Engine:
+    """Light boats, then ArduPilot's: see tests/fleets.py."""
+    return Engine(request.param, ardupilot_pool)
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption(
+        "--engines",
+        choices=("light", "both", "ardupilot"),
+        default="both",
+        help="light: skip the tests that need ArduPilot; ardupilot: run these alone, and fail "
+        "when there is no ardurover; both (default): skip them where there is no program",
+    )
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    engines = config.getoption("--engines")
+    if engines == "ardupilot":
+        if reason := why_not("ardurover"):
+            raise pytest.UsageError(reason)
+        others = [item for item in items if item.get_closest_marker("ardupilot") is None]
+        config.hook.pytest_deselected(items=others)
+        items[:] = [item for item in items if item.get_closest_marker("ardupilot") is not None]
+    for item in items:
+        marker = item.get_closest_marker("ardupilot")
+        if marker is None:
+            continue
+        reason = (
+            f"{NOT_TESTED}: light boats only; make test-sitl runs these"
+            if engines == "light"
+            else why_not(marker.kwargs.get("program", "ardurover"))
+        )
+        if reason:
+            item.add_marker(pytest.mark.skip(reason=reason))
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Name every test that would have needed ArduPilot and did not run."""
+    skipped: dict[str, list[str]] = {}
+    for report in terminalreporter.stats.get("skipped", []):
+        reason = report.longrepr[2] if isinstance(report.longrepr, tuple) else ""
+        if NOT_TESTED in reason:
+            skipped.setdefault(reason.removeprefix("Skipped: "), []).append(report.nodeid)
+    for reason, names in skipped.items():
+        terminalreporter.section(f"{reason} ({len(names)} tests)")
+        for name in sorted(names):
+            terminalreporter.line(name)

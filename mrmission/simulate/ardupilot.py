@@ -9,12 +9,17 @@ import math
 import shutil
 import tempfile
 from collections.abc import Callable, Coroutine, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 from mrmission.errors import ConfigError, SimulatorError
+from mrmission.simulate.ardupilot_models import (
+    MODELS,
+    check_numbers,
+    checked_starts,
+    parameter_file,
+)
 from mrmission.simulate.ardupilot_process import (
     HOST,
     SECOND_LINK,
@@ -25,8 +30,13 @@ from mrmission.simulate.ardupilot_process import (
     free_ports,
     stop_all,
 )
-from mrmission.simulate.ardupilot_ready import Readiness, check_parameters, wait_ready
-from mrmission.simulate.fleet import BASE_PORT, BERTH_SPACING_M, PORT_STEP, berths_lonlat
+from mrmission.simulate.ardupilot_ready import (
+    Readiness,
+    check_parameters,
+    empty_stores,
+    wait_ready,
+)
+from mrmission.simulate.fleet import BASE_PORT, BERTH_SPACING_M, PORT_STEP
 from mrmission.simulate.motion import moved
 
 POLL_S = 0.2
@@ -37,55 +47,6 @@ SLOWEST = 0.2
 LAUNCH_S = 20.0
 """Real seconds on top, for processes to come up on a busy machine."""
 OWN_PARAMETERS = "extra.parm"
-CHECKOUT_SITL = Path(__file__).resolve().parents[2] / "sitl"
-PACKAGED_SITL = Path(__file__).resolve().parent / "sitl"
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Model:
-    """A hull or frame that ArduPilot simulates.
-
-    Parameters
-    ----------
-    vehicle : str
-        boat, rover or copter: which program.
-    frame : str
-        ArduPilot's name of the model.
-    files : tuple of str
-        Parameter files of ``sitl/``; a later one wins.
-    astern_m : float
-        How far it goes astern before it is ready: for its first second, SITL has no servo output,
-        which its boats take for full astern, and they coast on.
-    """
-
-    vehicle: str
-    frame: str
-    files: tuple[str, ...]
-    astern_m: float = 0.0
-
-
-MODELS: Mapping[str, Model] = {
-    "motorboat": Model(
-        vehicle="boat", frame="motorboat", files=("common.parm", "boat.parm"), astern_m=8.0
-    ),
-    "motorboat-skid": Model(
-        vehicle="boat",
-        frame="motorboat-skid",
-        files=("common.parm", "boat.parm", "skid.parm"),
-        astern_m=8.0,
-    ),
-    "rover": Model(vehicle="rover", frame="rover", files=("common.parm", "rover.parm")),
-    "quad": Model(vehicle="copter", frame="quad", files=("common.parm", "copter.parm")),
-}
-"""By the name that ``--model`` takes: a steered boat, one that pivots, a car, a copter."""
-
-
-def parameter_file(name: str) -> Path:
-    """Return the path of a parameter file of ``sitl/``, from the checkout or from the wheel."""
-    for folder in (CHECKOUT_SITL, PACKAGED_SITL):
-        if (folder / name).is_file():
-            return folder / name
-    raise SimulatorError(f"parameter file {name}: not in {CHECKOUT_SITL} nor in {PACKAGED_SITL}")
 
 
 class ArdupilotFleet:
@@ -105,6 +66,8 @@ class ArdupilotFleet:
         A position for every vehicle, instead of `home_lonlat`.
     model : str
         A name of :data:`MODELS`.
+    parameter_files : sequence of path, optional
+        Instead of those of ``sitl/`` for the model.
     binary : path, optional
         The ArduPilot program; else ``ARDUROVER`` or ``ARDUCOPTER``, else ``PATH``.
     base_port : int
@@ -149,6 +112,7 @@ class ArdupilotFleet:
         home_lonlat: tuple[float, float] = (0.0, 0.0),
         starts_lonlat: Sequence[tuple[float, float]] | None = None,
         model: str = "motorboat",
+        parameter_files: Sequence[Path] | None = None,
         binary: str | Path | None = None,
         base_port: int = BASE_PORT,
         first_system_id: int = 1,
@@ -173,6 +137,11 @@ class ArdupilotFleet:
         self.ports: tuple[int, ...] = ()
         self.second_ports: tuple[int, ...] = ()
         self.folders: tuple[Path, ...] = ()
+        self.parameter_files = (
+            tuple(parameter_file(name) for name in self.model.files)
+            if parameter_files is None
+            else tuple(Path(path).resolve() for path in parameter_files)
+        )
         self._binary = binary
         self._base_port = base_port
         self._heading_deg = heading_deg
@@ -202,7 +171,6 @@ class ArdupilotFleet:
         if self._processes:
             raise SimulatorError("the fleet is already running")
         binary = find_binary(self.model.vehicle, self._binary)
-        defaults = [parameter_file(name) for name in self.model.files]
         count = len(self.system_ids)
         if self._base_port:
             self.ports = tuple(self._base_port + PORT_STEP * i for i in range(count))
@@ -221,7 +189,9 @@ class ArdupilotFleet:
         try:
             own = self._own_parameters(self._root)
             for index in range(count):
-                self._processes.append(Process(self._launch(index, binary, [*defaults, own])))
+                self._processes.append(
+                    Process(self._launch(index, binary, [*self.parameter_files, own]))
+                )
             await self.wait_ready()
             await self._watched(
                 check_parameters(port, number, self.parameters)
@@ -281,6 +251,29 @@ class ArdupilotFleet:
     async def stop(self) -> None:
         """End every process and remove the temporary folders."""
         self._end()
+
+    def close(self) -> None:
+        """Do as :meth:`stop` does, for callers without an event loop."""
+        self._end()
+
+    @property
+    def alive(self) -> bool:
+        """Whether the fleet was started and all of its processes run."""
+        return bool(self._processes) and all(process.alive for process in self._processes)
+
+    async def clear(self) -> None:
+        """Disarm every vehicle and empty its mission, fence and rally points; it stays where it is.
+
+        Raises
+        ------
+        SimulatorError
+            When one ends, or does not do it.
+        """
+        hold = self.model.vehicle != "copter"
+        await self._watched(
+            empty_stores(port, number, hold=hold)
+            for port, number in zip(self.second_ports, self.system_ids, strict=True)
+        )
 
     async def restart(self) -> None:
         """Start afresh: empty stores, parameters as given, at the berths, ready; the same ports."""
@@ -401,56 +394,3 @@ class ArdupilotFleet:
         trace: TracebackType | None,
     ) -> None:
         await self.stop()
-
-
-def check_numbers(count: int, first_system_id: int, speedup: float, base_port: int) -> None:
-    """Refuse numbers that no fleet can have.
-
-    Raises
-    ------
-    ConfigError
-        When a number is out of range.
-    """
-    last_id = first_system_id + count - 1
-    if not (first_system_id >= 1 and last_id <= 255):
-        raise ConfigError(
-            f"--sysid {first_system_id}: {count} vehicles need system ids up to {last_id}, "
-            "MAVLink has 1 to 255"
-        )
-    if not (math.isfinite(speedup) and 0 < speedup <= 100):
-        raise ConfigError(f"--speedup {speedup}: must be above 0 and at most 100")
-    last_port = base_port + PORT_STEP * (count - 1) + SECOND_LINK
-    if base_port != 0 and not (base_port >= 1024 and last_port <= 65535):
-        raise ConfigError(
-            f"--base-port {base_port}: {count} vehicles need ports up to {last_port}, "
-            "there are 1024 to 65535"
-        )
-
-
-def checked_starts(
-    count: int,
-    home_lonlat: tuple[float, float],
-    starts_lonlat: Sequence[tuple[float, float]] | None,
-    spacing_m: float,
-    heading_deg: float,
-) -> tuple[tuple[float, float], ...]:
-    """Return where every vehicle starts.
-
-    Raises
-    ------
-    ConfigError
-        When the count is out of range or contradicts the positions, or a position is no lon/lat.
-    """
-    if not 1 <= count <= 250:
-        raise ConfigError(f"--k {count}: a simulated fleet has 1 to 250 vehicles")
-    starts = (
-        tuple(starts_lonlat)
-        if starts_lonlat is not None
-        else berths_lonlat(home_lonlat, count, spacing_m, heading_deg)
-    )
-    if len(starts) != count:
-        raise ConfigError(f"{len(starts)} start positions given for {count} vehicles")
-    for lon, lat in starts:
-        if not (abs(lon) <= 180 and abs(lat) < 90):
-            raise ConfigError(f"--home {lon},{lat}: must be LON,LAT in degrees")
-    return starts

@@ -241,6 +241,52 @@ async def check_parameters(
         raise ConfigError(f"--param {', '.join(missing)}: the vehicle has no such parameter")
 
 
+async def empty_stores(port: int, system_id: int, *, hold: bool, within_s: float = 15.0) -> None:
+    """Disarm a vehicle, put it in HOLD if `hold`, and clear its mission, fence and rally points.
+
+    Raises
+    ------
+    SimulatorError
+        When it has not done so after `within_s`.
+    """
+    full = {
+        mavlink.MAV_MISSION_TYPE_MISSION,
+        mavlink.MAV_MISSION_TYPE_FENCE,
+        mavlink.MAV_MISSION_TYPE_RALLY,
+    }
+    ready = False
+    loop = asyncio.get_running_loop()
+    deadline_s = loop.time() + within_s
+    async with station(port, system_id) as link:
+        asked_s = -1e9
+        while (full or not ready) and loop.time() < deadline_s:
+            if loop.time() - asked_s >= ASK_S:
+                asked_s = loop.time()
+                link.heartbeat()
+                # 21196 disarms whatever the vehicle is doing.
+                link.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0, 21196)
+                if hold:
+                    link.command(
+                        mavlink.MAV_CMD_DO_SET_MODE,
+                        mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED,
+                        ROVER_HOLD,
+                    )
+                for kind in full:
+                    link.send(
+                        mavlink.MAVLink_mission_clear_all_message(
+                            system_id, mavlink.MAV_COMP_ID_AUTOPILOT1, kind
+                        )
+                    )
+            for message in await link.messages(0.2):
+                if message.get_type() == "MISSION_ACK" and message.type == 0:
+                    full.discard(message.mission_type)
+                elif message.get_type() == "HEARTBEAT":
+                    armed = message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+                    ready = not armed and (not hold or message.custom_mode == ROVER_HOLD)
+    if full or not ready:
+        raise SimulatorError(f"vehicle {system_id}: not disarmed and empty after {within_s:g} s")
+
+
 def _text(value: str | bytes) -> str:
     text = value.decode("ascii", "replace") if isinstance(value, bytes) else value
     return text.rstrip("\0")
