@@ -13,16 +13,17 @@ from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, field
 
 from mrmission.simulate import telemetry
-from mrmission.simulate.autopilot import Autopilot, Mode
+from mrmission.simulate.autopilot import Autopilot
+from mrmission.simulate.commands import COMMANDS
 from mrmission.simulate.motion import Boat, Kinematics
 from mrmission.simulate.parameters import Parameters
 from mrmission.simulate.storage import Item
 from mrmission.simulate.stores import FenceStore, MissionStore, RallyStore
+from mrmission.simulate.streams import Streams
 from mrmission.simulate.transfer import Outbound, Peer, Transfer
 from mrmission.simulate.wire import AUTOPILOT_COMPONENT, Message, mavlink
 
 PARAMETERS_PER_STEP = 20
-SHORTEST_INTERVAL_S = 0.05
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,9 +88,7 @@ class SimVehicle:
             store.mission_type: Transfer(store, self._say, lambda: self.autopilot.current)
             for store in (self.mission, self.fence, self.rally)
         }
-        self._intervals = dict(telemetry.STREAMS)
-        self._due: dict[int, float] = {}
-        self._next_due_s = 0.0
+        self.streams = Streams(self.build)
 
     @property
     def system_id(self) -> int:
@@ -131,8 +130,9 @@ class SimVehicle:
                 self._out += transfer.take()
         if self._listing:
             self._send_parameter_pages()
-        if telemetry and now_s >= self._next_due_s:
-            self._stream(now_s)
+        if telemetry:
+            for message in self.streams.take(now_s):
+                self.send(message)
         return self._flush()
 
     def hello(self, link: Hashable) -> list[Outbound]:
@@ -155,11 +155,12 @@ class SimVehicle:
         out, self._out = self._out, []
         return out
 
-    def _send(self, message: Message, link: Hashable | None = None) -> None:
+    def send(self, message: Message, link: Hashable | None = None) -> None:
+        """Leave a message to be sent, on one link or (None) on all."""
         self._out.append(Outbound(link, message))
 
     def _say(self, severity: int, text: str) -> None:
-        self._send(mavlink.MAVLink_statustext_message(severity, text.encode("ascii")[:50]))
+        self.send(mavlink.MAVLink_statustext_message(severity, text.encode("ascii")[:50]))
 
     def _collect(self) -> None:
         """Turn the autopilot's events into messages."""
@@ -171,27 +172,14 @@ class SimVehicle:
             if kind == "text":
                 self._say(number, text)
             elif kind == "reached":
-                self._send(mavlink.MAVLink_mission_item_reached_message(number))
+                self.send(mavlink.MAVLink_mission_item_reached_message(number))
             elif kind == "mode":
-                self._send(telemetry.heartbeat(self))
+                self.send(telemetry.heartbeat(self))
             elif kind == "home" and self.now_s is not None:
-                self._send(telemetry.home_position(self))
+                self.send(telemetry.home_position(self))
 
-    def _stream(self, now_s: float) -> None:
-        soonest = math.inf
-        for message_id, interval_s in self._intervals.items():
-            due = self._due.get(message_id, now_s)
-            if now_s >= due:
-                message = self._build(message_id)
-                if message is not None:
-                    self._send(message)
-                # Keep the rhythm, but never make up for what was missed.
-                due = max(due + interval_s, now_s + 0.5 * interval_s)
-                self._due[message_id] = due
-            soonest = min(soonest, due)
-        self._next_due_s = soonest
-
-    def _build(self, message_id: int) -> Message | None:
+    def build(self, message_id: int) -> Message | None:
+        """Build the message of a number, None where there is nothing to send."""
         builder = telemetry.BUILDERS.get(message_id)
         return None if builder is None else builder(self)
 
@@ -199,7 +187,7 @@ class SimVehicle:
 
     def _on_ping(self, message: Message, peer: Peer) -> None:
         if message.target_system == 0 and message.target_component == 0:
-            self._send(
+            self.send(
                 mavlink.MAVLink_ping_message(
                     message.time_usec, message.seq, peer.system_id, peer.component_id
                 ),
@@ -209,7 +197,7 @@ class SimVehicle:
     def _on_timesync(self, message: Message, peer: Peer) -> None:
         if message.tc1 == 0:
             now_ns = int((self.now_s or 0.0) * 1e9) + 1
-            self._send(mavlink.MAVLink_timesync_message(now_ns, message.ts1), peer.link)
+            self.send(mavlink.MAVLink_timesync_message(now_ns, message.ts1), peer.link)
 
     def _on_set_mode(self, message: Message, peer: Peer) -> None:
         if message.base_mode & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
@@ -224,7 +212,7 @@ class SimVehicle:
     def _transfer(self, message: Message, peer: Peer) -> Transfer | None:
         transfer = self.transfers.get(message.mission_type)
         if transfer is None:
-            self._send(
+            self.send(
                 mavlink.MAVLink_mission_ack_message(
                     peer.system_id,
                     peer.component_id,
@@ -265,7 +253,7 @@ class SimVehicle:
         if message.mission_type == mavlink.MAV_MISSION_TYPE_MISSION and message.current == 2:
             accepted = self.autopilot.go_to(x * 1e-7, y * 1e-7)
             result = mavlink.MAV_MISSION_ACCEPTED if accepted else mavlink.MAV_MISSION_ERROR
-            self._send(
+            self.send(
                 mavlink.MAVLink_mission_ack_message(peer.system_id, peer.component_id, result),
                 peer.link,
             )
@@ -289,7 +277,7 @@ class SimVehicle:
 
     def _on_mission_set_current(self, message: Message, peer: Peer) -> None:
         if self.autopilot.set_current(message.seq):
-            self._send(telemetry.mission_current(self, message.seq))
+            self.send(telemetry.mission_current(self, message.seq))
 
     # --- parameters ---
 
@@ -313,7 +301,7 @@ class SimVehicle:
         names = self.parameters.names
         for link, start in list(self._listing.items()):
             for index in range(start, min(start + PARAMETERS_PER_STEP, len(names))):
-                self._send(self._param_value(names[index], index), link)
+                self.send(self._param_value(names[index], index), link)
             if start + PARAMETERS_PER_STEP >= len(names):
                 del self._listing[link]
             else:
@@ -323,11 +311,11 @@ class SimVehicle:
         index = message.param_index
         if index >= 0:
             if index < len(self.parameters):
-                self._send(self._param_value(self.parameters.names[index], index), peer.link)
+                self.send(self._param_value(self.parameters.names[index], index), peer.link)
             return
         name = _text(message.param_id)
         if name in self.parameters:
-            self._send(self._param_value(name, 65535), peer.link)
+            self.send(self._param_value(name, 65535), peer.link)
 
     def _on_param_set(self, message: Message, peer: Peer) -> None:
         name = _text(message.param_id)
@@ -335,7 +323,7 @@ class SimVehicle:
             return
         if not self.parameters.set(name, message.param_value):
             self._say(mavlink.MAV_SEVERITY_WARNING, f"Param write denied ({name})")
-        self._send(self._param_value(name, 65535))
+        self.send(self._param_value(name, 65535))
 
     # --- commands ---
 
@@ -346,134 +334,18 @@ class SimVehicle:
             place = (message.x * 1e-7, message.y * 1e-7)
         else:
             place = (message.param5, message.param6)
-        handler = _COMMANDS.get(command)
+        handler = COMMANDS.get(command)
         result = (
             mavlink.MAV_RESULT_UNSUPPORTED
             if handler is None
             else handler(self, message, peer, place)
         )
-        self._send(
+        self.send(
             mavlink.MAVLink_command_ack_message(
                 command, result, 0, 0, peer.system_id, peer.component_id
             ),
             peer.link,
         )
-
-    def _do_arm(self, message: Message, peer: Peer, place: tuple[float, float]) -> int:
-        force = message.param2 == 21196
-        if message.param1 == 1:
-            done = self.autopilot.arm(force=force)
-        elif message.param1 == 0:
-            done = self.autopilot.disarm(force=force)
-        else:
-            return int(mavlink.MAV_RESULT_UNSUPPORTED)
-        return _accepted(done)
-
-    def _do_set_mode(self, message: Message, peer: Peer, place: tuple[float, float]) -> int:
-        if not int(message.param1) & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
-            return int(mavlink.MAV_RESULT_DENIED)
-        return _accepted(self.autopilot.set_mode(int(message.param2)))
-
-    def _do_mission_start(self, message: Message, peer: Peer, place: tuple[float, float]) -> int:
-        if message.param1 or message.param2:
-            return int(mavlink.MAV_RESULT_DENIED)
-        return _accepted(self.autopilot.set_mode(Mode.AUTO))
-
-    def _do_set_current(self, message: Message, peer: Peer, place: tuple[float, float]) -> int:
-        seq = int(message.param1)
-        if not 0 <= seq < max(1, self.mission.count()):
-            return int(mavlink.MAV_RESULT_DENIED)
-        if not self.autopilot.set_current(seq, restart=message.param2 == 1):
-            return int(mavlink.MAV_RESULT_FAILED)
-        self._send(telemetry.mission_current(self))
-        return int(mavlink.MAV_RESULT_ACCEPTED)
-
-    def _do_request_message(self, message: Message, peer: Peer, place: tuple[float, float]) -> int:
-        built = self._build(int(message.param1))
-        if built is None:
-            return int(mavlink.MAV_RESULT_FAILED)
-        self._send(built, peer.link)
-        return int(mavlink.MAV_RESULT_ACCEPTED)
-
-    def _do_capabilities(self, message: Message, peer: Peer, place: tuple[float, float]) -> int:
-        self._send(telemetry.autopilot_version(self), peer.link)
-        return int(mavlink.MAV_RESULT_ACCEPTED)
-
-    def _do_set_interval(self, message: Message, peer: Peer, place: tuple[float, float]) -> int:
-        message_id, interval_us = int(message.param1), message.param2
-        if message_id not in telemetry.BUILDERS:
-            return int(mavlink.MAV_RESULT_FAILED)
-        if interval_us < 0:
-            if message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT:
-                return int(mavlink.MAV_RESULT_DENIED)
-            self._intervals.pop(message_id, None)
-        elif interval_us == 0:
-            if message_id in telemetry.STREAMS:
-                self._intervals[message_id] = telemetry.STREAMS[message_id]
-            else:
-                self._intervals.pop(message_id, None)
-        else:
-            self._intervals[message_id] = max(SHORTEST_INTERVAL_S, interval_us * 1e-6)
-        self._due.pop(message_id, None)
-        self._next_due_s = 0.0
-        return int(mavlink.MAV_RESULT_ACCEPTED)
-
-    def _do_get_interval(self, message: Message, peer: Peer, place: tuple[float, float]) -> int:
-        message_id = int(message.param1)
-        interval_s = self._intervals.get(message_id)
-        known = message_id in telemetry.BUILDERS
-        interval_us = round(interval_s * 1e6) if interval_s else (-1 if known else 0)
-        self._send(mavlink.MAVLink_message_interval_message(message_id, interval_us), peer.link)
-        return int(mavlink.MAV_RESULT_ACCEPTED)
-
-    def _do_set_home(self, message: Message, peer: Peer, place: tuple[float, float]) -> int:
-        if message.param1 == 1:
-            place = (self.boat.lat, self.boat.lon)
-        elif not (abs(place[0]) <= 90 and abs(place[1]) <= 180) or place == (0.0, 0.0):
-            return int(mavlink.MAV_RESULT_DENIED)
-        self.autopilot.set_home(*place)
-        return int(mavlink.MAV_RESULT_ACCEPTED)
-
-    def _do_get_home(self, message: Message, peer: Peer, place: tuple[float, float]) -> int:
-        built = telemetry.home_position(self)
-        if built is None:
-            return int(mavlink.MAV_RESULT_FAILED)
-        self._send(built, peer.link)
-        return int(mavlink.MAV_RESULT_ACCEPTED)
-
-    def _do_change_speed(self, message: Message, peer: Peer, place: tuple[float, float]) -> int:
-        return _accepted(self.autopilot.set_speed(message.param2))
-
-    def _do_return(self, message: Message, peer: Peer, place: tuple[float, float]) -> int:
-        return _accepted(self.autopilot.set_mode(Mode.RTL))
-
-    def _do_loiter(self, message: Message, peer: Peer, place: tuple[float, float]) -> int:
-        return _accepted(self.autopilot.set_mode(Mode.LOITER))
-
-    def _do_reposition(self, message: Message, peer: Peer, place: tuple[float, float]) -> int:
-        if not (math.isfinite(place[0]) and abs(place[0]) <= 90 and abs(place[1]) <= 180):
-            return int(mavlink.MAV_RESULT_DENIED)
-        if not int(message.param2) & 1 and self.autopilot.mode is not Mode.GUIDED:
-            return int(mavlink.MAV_RESULT_DENIED)
-        if not self.autopilot.set_mode(Mode.GUIDED):
-            return int(mavlink.MAV_RESULT_DENIED)
-        return _accepted(self.autopilot.go_to(*place))
-
-    def _do_fence_enable(self, message: Message, peer: Peer, place: tuple[float, float]) -> int:
-        if message.param1 not in (0, 1):
-            return int(mavlink.MAV_RESULT_FAILED)
-        self.parameters.put("FENCE_ENABLE", float(message.param1))
-        return int(mavlink.MAV_RESULT_ACCEPTED)
-
-    def _do_reboot(self, message: Message, peer: Peer, place: tuple[float, float]) -> int:
-        if message.param1 != 1 or self.autopilot.armed:
-            return int(mavlink.MAV_RESULT_FAILED)
-        self.reboot()
-        return int(mavlink.MAV_RESULT_ACCEPTED)
-
-
-def _accepted(done: bool) -> int:
-    return int(mavlink.MAV_RESULT_ACCEPTED if done else mavlink.MAV_RESULT_FAILED)
 
 
 def _text(value: str | bytes) -> str:
@@ -501,23 +373,4 @@ _HANDLERS: dict[int, _Handler] = {
     mavlink.MAVLINK_MSG_ID_MISSION_SET_CURRENT: SimVehicle._on_mission_set_current,
     mavlink.MAVLINK_MSG_ID_COMMAND_LONG: SimVehicle._on_command,
     mavlink.MAVLINK_MSG_ID_COMMAND_INT: SimVehicle._on_command,
-}
-_Command = Callable[[SimVehicle, Message, Peer, tuple[float, float]], int]
-_COMMANDS: dict[int, _Command] = {
-    mavlink.MAV_CMD_COMPONENT_ARM_DISARM: SimVehicle._do_arm,
-    mavlink.MAV_CMD_DO_SET_MODE: SimVehicle._do_set_mode,
-    mavlink.MAV_CMD_MISSION_START: SimVehicle._do_mission_start,
-    mavlink.MAV_CMD_DO_SET_MISSION_CURRENT: SimVehicle._do_set_current,
-    mavlink.MAV_CMD_REQUEST_MESSAGE: SimVehicle._do_request_message,
-    mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: SimVehicle._do_capabilities,
-    mavlink.MAV_CMD_SET_MESSAGE_INTERVAL: SimVehicle._do_set_interval,
-    mavlink.MAV_CMD_GET_MESSAGE_INTERVAL: SimVehicle._do_get_interval,
-    mavlink.MAV_CMD_DO_SET_HOME: SimVehicle._do_set_home,
-    mavlink.MAV_CMD_GET_HOME_POSITION: SimVehicle._do_get_home,
-    mavlink.MAV_CMD_DO_CHANGE_SPEED: SimVehicle._do_change_speed,
-    mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: SimVehicle._do_return,
-    mavlink.MAV_CMD_NAV_LOITER_UNLIM: SimVehicle._do_loiter,
-    mavlink.MAV_CMD_DO_REPOSITION: SimVehicle._do_reposition,
-    mavlink.MAV_CMD_DO_FENCE_ENABLE: SimVehicle._do_fence_enable,
-    mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN: SimVehicle._do_reboot,
 }
