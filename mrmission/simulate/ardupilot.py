@@ -47,6 +47,9 @@ SLOWEST = 0.2
 LAUNCH_S = 20.0
 """Real seconds on top, for processes to come up on a busy machine."""
 OWN_PARAMETERS = "extra.parm"
+PORT_TRIES = 3
+BIND_FAILED = "bind failed"
+"""What ArduPilot writes when its port is taken."""
 
 
 class ArdupilotFleet:
@@ -171,6 +174,17 @@ class ArdupilotFleet:
         if self._processes:
             raise SimulatorError("the fleet is already running")
         binary = find_binary(self.model.vehicle, self._binary)
+        for attempt in range(1, PORT_TRIES + 1):
+            try:
+                await self._start(binary)
+                return
+            except SimulatorError as error:
+                # A port that was free a moment ago: somebody else was given it meanwhile.
+                lost = BIND_FAILED in str(error)
+                if self._base_port or not lost or attempt == PORT_TRIES:
+                    raise
+
+    async def _start(self, binary: Path) -> None:
         count = len(self.system_ids)
         if self._base_port:
             self.ports = tuple(self._base_port + PORT_STEP * i for i in range(count))
