@@ -50,6 +50,7 @@ wheel: $(DEV)
 	$(BIN)/python -m build --quiet --wheel --outdir build/wheel .
 	$(PYTHON) -m venv build/wheel/venv
 	build/wheel/venv/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt build/wheel/*.whl
+	cd build/wheel && venv/bin/python -c "from mrmission.simulate.ardupilot_models import survey_parameters as p; p('motorboat-skid'), p('rover'), p('quad')"
 	cd build/wheel && venv/bin/mrmission --version && venv/bin/mrmission plan ../../geofences/demo_lake.geojson --k 2 --swath 40 --out out
 
 bench: $(DEV)

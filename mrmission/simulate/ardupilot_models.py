@@ -59,7 +59,7 @@ MODELS: Mapping[str, Model] = {
 
 def parameter_file(name: str) -> Path:
     """Return the path of a parameter file of ``sitl/``, from the checkout or from the wheel."""
-    for folder in (CHECKOUT_SITL, PACKAGED_SITL):
+    for folder in (PACKAGED_SITL, CHECKOUT_SITL):
         if (folder / name).is_file():
             return folder / name
     raise SimulatorError(f"parameter file {name}: not in {CHECKOUT_SITL} nor in {PACKAGED_SITL}")
