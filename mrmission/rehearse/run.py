@@ -148,8 +148,8 @@ async def sail_missions(
     UploadError
         When a mission was not verified.
     """
-    from mrmission.vehicle.connection import parse_connections
     from mrmission.vehicle.client import open_links
+    from mrmission.vehicle.connection import parse_connections
     from mrmission.vehicle.links import LinkTimeouts
     from mrmission.vehicle.upload import upload_fleet
 
