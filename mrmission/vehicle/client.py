@@ -26,7 +26,7 @@ from mrmission.vehicle.links import (
 )
 from mrmission.vehicle.messages import Autopilot, any_message
 from mrmission.vehicle.mission_protocol import Clear, Download, Upload
-from mrmission.vehicle.mission_words import SUCCESS, TIMEOUT, UNCONFIRMED, RoundTrip
+from mrmission.vehicle.mission_words import MOST_AHEAD, SUCCESS, TIMEOUT, UNCONFIRMED, RoundTrip
 from mrmission.vehicle.readback import compare_items
 from mrmission.vehicle.station import Link
 from mrmission.vehicle.transfer import run_machine
@@ -184,7 +184,8 @@ class Vehicle(Autopilot):
         TransferError
             When the vehicle refuses or the transfer breaks off. The store then holds anything.
         """
-        machine = Upload(len(items), self._round_trip)
+        ardupilot = self.autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
+        machine = Upload(len(items), self._round_trip, MOST_AHEAD if ardupilot else 1)
         await run_machine(self, machine, mission_type, items, progress)
         if machine.result == UNCONFIRMED:
             stored = await self.download(mission_type)

@@ -3,9 +3,10 @@
 Three machines, `Upload`, `Download` and `Clear`, without sockets or clock: they are told what came
 and what time it is, and say what to send. What they know of ArduPilot's side:
 
-* It asks for one item at a time, again each second, and takes whichever item it waits for, asked
-  or not. So a machine that hears nothing for a while sends the item that was asked for once more,
-  and the next ones with it: whether the item or the next request was lost, that goes on at once.
+* It asks for one item at a time, again each second, and takes the item it waits for, asked or not;
+  between two it needs a turn of its main loop (20 ms on a Rover). So several items are sent ahead,
+  and taken in one turn; and after a silence the item that was asked for goes out once more with
+  the next ones: whether it was lost, or the next request, that goes on at once.
 * Any other item it answers with INVALID_SEQUENCE, and goes on waiting: this ends nothing.
 * A second MISSION_COUNT of the same station starts over from item 0, so requests are answered
   whatever their number.
@@ -72,16 +73,23 @@ class Upload:
         How many items; at least one.
     round_trip
         What is known of the link, kept from transfer to transfer.
+    ahead
+        How many items may be under way, asked for or not: 1 for a vehicle that wants to be asked
+        first. The number grows with every item that is taken and is halved by a silence.
     """
 
-    def __init__(self, count: int, round_trip: RoundTrip) -> None:
+    def __init__(self, count: int, round_trip: RoundTrip, ahead: int = MOST_AHEAD) -> None:
         if count < 1:
             raise ValueError("an empty list is cleared, not uploaded")
         self.count = count
         self._w = Waiting(round_trip)
+        self._most_ahead = ahead
+        self._window = 1
         self._position = -1
         """Item that the vehicle waits for, as far as is known."""
         self._last_asked = -1
+        self._sent_to = -1
+        """Last item under way."""
         self._sent_s: dict[int, float] = {}
         self._often: set[int] = set()
 
@@ -98,7 +106,7 @@ class Upload:
     @property
     def fraction(self) -> float:
         """Share of the items that the vehicle has taken."""
-        return max(self._position, 0) / self.count
+        return 1.0 if self.result == SUCCESS else max(self._position, 0) / self.count
 
     def start(self, now_s: float) -> list[Sent]:
         """Announce the items."""
@@ -128,13 +136,23 @@ class Upload:
         w.wait(now_s)
         if self._position < 0:
             return [Count(self.count)]
-        ahead = min(w.silences, MOST_AHEAD)
-        last = min(self._position + ahead, self.count - 1)
-        return [self._send(seq, now_s) for seq in range(self._position, last + 1)]
+        # With the item the next ones, more and more: its own loss may be made good already, and
+        # only the request that followed be lost.
+        self._window = max(1, self._window // 2)
+        width = min(max(self._window, 1 + w.silences), self._most_ahead)
+        self._sent_to = self._position - 1
+        return self._send_up_to(self._position + width, now_s)
 
     @property
     def _all_sent(self) -> bool:
         return self.count - 1 in self._sent_s
+
+    def _send_up_to(self, end: int, now_s: float) -> list[Sent]:
+        """Send what is not under way yet, from the item that is waited for to before `end`."""
+        first = max(self._position, self._sent_to + 1)
+        out: list[Sent] = [self._send(seq, now_s) for seq in range(first, min(end, self.count))]
+        self._sent_to = max(self._sent_to, first + len(out) - 1)
+        return out
 
     def _send(self, seq: int, now_s: float) -> Sent:
         if seq in self._sent_s:
@@ -147,26 +165,34 @@ class Upload:
         onwards = seq > self._position
         # A vehicle that was made to start over counts up again from a lower number; a request that
         # is late stands alone.
-        restarted = seq == self._last_asked + 1 or seq == 0
+        restarted = not onwards and seq in (0, self._last_asked + 1)
         if onwards and seq - 1 in self._sent_s and seq - 1 not in self._often:
             w.round_trip.sample(now_s - self._sent_s[seq - 1])
         self._last_asked = seq
+        out: list[Sent] = []
+        if now_s - self._sent_s.get(seq, -1e9) > w.round_trip.timeout_s:
+            # Never sent, or so long ago that it must be lost.
+            out.append(self._send(seq, now_s))
+            self._sent_to = max(self._sent_to, seq)
         if onwards or restarted:
             self._position = seq
+            if restarted:
+                self._sent_to = seq
+            self._window = min(self._window + 1, self._most_ahead)
             w.progress(now_s)
+            out += self._send_up_to(seq + self._window, now_s)
         else:
             w.doubt = ""
-        return [self._send(seq, now_s)]
+        return out
 
     def _acknowledged(self, result: int) -> None:
         w = self._w
         if result == ACK_ACCEPTED:
-            # Before the last item was sent this can only be a late word on something else.
+            # Before the last item was sent this can only be a late word on something else; before
+            # that was asked for it may be one.
             if self._all_sent:
-                w.result = SUCCESS
-        elif result == ACK_INVALID_SEQUENCE:
-            pass
-        elif w.confirmed_doubt(result_name(result)):
+                w.result = SUCCESS if self._position == self.count - 1 else UNCONFIRMED
+        elif result != ACK_INVALID_SEQUENCE and w.confirmed_doubt(result_name(result)):
             lost = w.doubt in (ERROR, DENIED, CANCELLED)
             w.result = UNCONFIRMED if lost and self._all_sent else w.doubt
 

@@ -24,7 +24,8 @@ BACKOFF = 1.5
 GIVE_UP_S = 8.0
 HOLD_S = 9.5
 """A vehicle that holds a broken transfer open lets go of it after 8 s."""
-MOST_AHEAD = 4
+MOST_AHEAD = 8
+"""Items under way: what the receive buffer of a telemetry port (512 bytes) holds."""
 FIRST_WINDOW, LEAST_WINDOW, MOST_WINDOW = 6.0, 3.0, 16.0
 MOST_RESTARTS = 3
 
