@@ -16,6 +16,8 @@ from mrmission.errors import MrMissionError
 COMMANDS = {
     "plan": "Plan an area and write .plan files, a map and a report.",
     "upload": "Plan an area, upload the missions to the fleet and verify them.",
+    "status": "Ask the fleet whether it still carries the plan that was uploaded.",
+    "preflight": "Compare every vehicle's parameters and state with the plan.",
     "sim": "Run simulated boats that speak MAVLink on loopback.",
     "check": "Check exported .plan files against an area.",
     "decompose": "Show the cells and the Reeb graph of an area.",

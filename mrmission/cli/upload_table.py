@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from mrmission.report.colours import robot_colour
 from mrmission.report.units import human_duration, human_length
-from mrmission.vehicle.upload import ProgressCallback, UploadProgress, UploadRow
+from mrmission.vehicle.rows import ProgressCallback, UploadProgress, UploadRow
 
 if TYPE_CHECKING:
     from rich.table import Table
+
+    from mrmission.vehicle.capacity import KnownLimits
 
 
 def upload_table(rows: Sequence[UploadRow], title: str = "Upload") -> Table:
@@ -35,7 +37,7 @@ def upload_table(rows: Sequence[UploadRow], title: str = "Upload") -> Table:
     for name in ("robot", "system id"):
         table.add_column(name, justify="right", no_wrap=True)
     table.add_column("link", no_wrap=True)
-    for name in ("items", "fence", "rally", "length", "time"):
+    for name in ("items", "fence", "rally", "length", "time", "tries"):
         table.add_column(name, justify="right", no_wrap=True)
     table.add_column("result", overflow="fold")
     for row in rows:
@@ -52,18 +54,33 @@ def upload_table(rows: Sequence[UploadRow], title: str = "Upload") -> Table:
             Text(str(row.rally_points)),
             Text(human_length(row.length_m)),
             Text("–" if row.duration_s is None else human_duration(row.duration_s)),
+            Text(str(row.attempts)),
             result,
         )
     return table
 
 
-def upload_json(rows: Sequence[UploadRow], simulated: bool) -> str:
-    """Return the rows of an upload as a JSON document."""
+def upload_json(
+    rows: Sequence[UploadRow], limits: Mapping[int, KnownLimits], simulated: bool
+) -> str:
+    """Return the rows of an upload as a JSON document.
+
+    Parameters
+    ----------
+    rows
+        One per robot.
+    limits
+        What each robot's vehicle holds, and who says so.
+    simulated
+        Whether they went to simulated boats.
+    """
     entries: list[dict[str, Any]] = []
     for row in rows:
         entry = asdict(row)
         entry["status"] = str(row.status)
+        entry["holds"] = str(row.holds)
         entry["elapsed_s"] = round(row.elapsed_s, 3)
+        entry["limits"] = asdict(limits[row.robot]) if row.robot in limits else None
         entries.append(entry)
     document = {
         "simulated": simulated,
@@ -78,8 +95,17 @@ def upload_progress(robots: Sequence[int]) -> Iterator[ProgressCallback]:
     """Show one bar per robot on a terminal; elsewhere say only what a cancelled vehicle holds."""
     import click
 
+    told: set[str] = set()
+
     def cancelled(event: UploadProgress) -> None:
-        if event.stage.startswith("cancelled"):
+        if event.stage == "stopping" and not told:
+            told.add(event.stage)
+            click.echo(
+                "interrupted: vehicles get back what they held, or are emptied; Ctrl-C again "
+                "leaves them as they are",
+                err=True,
+            )
+        elif event.stage.startswith("cancelled"):
             click.echo(
                 f"robot {event.robot} (system id {event.system_id}): {event.stage}", err=True
             )

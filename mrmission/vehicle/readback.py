@@ -174,23 +174,20 @@ def compare_items(
 
 
 def normalised(item: RawItem, mission_type: MissionType) -> tuple[int | float, ...]:
-    """Return the part of `item` that a vehicle keeps, the same before and after storing."""
-    used = USED_PARAMS.get(item.command, (1, 2, 3, 4))
-    params = tuple(
-        float(round(value)) if (item.command, n) in WHOLE_PARAMS else value
-        for n in (1, 2, 3, 4)
-        for value in (_float32(getattr(item, f"param{n}")) if n in used else 0.0,)
-    )
+    """Return the part of a stored item that says what it is, the same at every reading."""
+    # Adding 0 makes one zero of the two that there are.
+    params = tuple(_float32(getattr(item, f"param{n}")) + 0.0 for n in (1, 2, 3, 4))
     if item.command in NO_POSITION_COMMANDS:
         return (item.command, *params)
     frame = stored_frame(item.frame) if mission_type is MissionType.MISSION else 0
-    return (item.command, *params, frame, item.x, item.y)
+    return (item.command, *params, frame, item.x, item.y, _float32(item.z) + 0.0)
 
 
-def items_sha256(items: Sequence[RawItem], mission_type: MissionType) -> str:
-    """Return the SHA-256 of what a vehicle keeps of `items`, home left out, in hex.
+def stored_sha256(items: Sequence[RawItem], mission_type: MissionType) -> str:
+    """Return the SHA-256 of a store as it was read back, home left out, in hex.
 
-    Altitudes are left out too: what is stored of them depends on how the vehicle rounds.
+    What was read back and not what was sent: a vehicle rounds, and rounds the same way tomorrow.
+    Home is left out because the vehicle sets it anew whenever it is armed.
     """
     digest = hashlib.sha256()
     skip = 1 if mission_type is MissionType.MISSION else 0

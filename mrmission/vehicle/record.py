@@ -1,78 +1,141 @@
-"""``fleet.json``: which vehicle got which tour, and the hash of what it stores."""
+"""``fleet.json``: which vehicle got which tour, and the hash of what it stores.
+
+The file is a journal too. Before the first byte goes to a vehicle, its entry says ``unfinished``;
+only a verified upload, or a vehicle that is known to hold its old mission or none, changes that.
+So a run that died in the middle is known to the next one, which does not take the remains for an
+old mission that is worth putting back.
+"""
 
 from __future__ import annotations
 
+import enum
 import json
-from collections.abc import Collection, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from mrmission.errors import PlanFormatError
 from mrmission.mission.files import write_whole
-from mrmission.model import Mission
-from mrmission.vehicle.items import MissionType, to_raw
-from mrmission.vehicle.readback import items_sha256
+from mrmission.vehicle.items import MissionType, RawItem
+from mrmission.vehicle.readback import stored_sha256
 
 FILE_NAME = "fleet.json"
-_VERSION = 1
+_VERSION = 2
+
+
+class RecordState(enum.StrEnum):
+    """What is known of a vehicle."""
+
+    VERIFIED = "verified"
+    """It was read back and stored the plan."""
+    UNFINISHED = "unfinished"
+    """An upload to it began, and nobody saw it end: it may hold anything."""
+    FAILED = "failed"
+    """An upload to it failed; it holds its old mission or none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StoredRecord:
-    """What one vehicle stores, as read back: item counts and hashes of its three stores."""
+    """One vehicle: whose tour it has, and item counts and hashes of its three stores, as read.
+
+    Counts are 0 and hashes empty unless the state is verified.
+    """
 
     robot: int
     system_id: int
     link: str
-    mission_items: int
-    fence_items: int
-    rally_points: int
-    mission_sha256: str
-    fence_sha256: str
-    rally_sha256: str
+    state: RecordState
+    mission_items: int = 0
+    fence_items: int = 0
+    rally_points: int = 0
+    mission_sha256: str = ""
+    fence_sha256: str = ""
+    rally_sha256: str = ""
+
+    def sha256(self, kind: MissionType) -> str:
+        """Return the hash of one store."""
+        return (self.mission_sha256, self.fence_sha256, self.rally_sha256)[kind]
+
+    def items(self, kind: MissionType) -> int:
+        """Return the item count of one store."""
+        return (self.mission_items, self.fence_items, self.rally_points)[kind]
 
 
-def record_of(mission: Mission, *, system_id: int, link: str) -> StoredRecord:
-    """Return the record of a vehicle that was verified to store `mission`."""
-    raw = to_raw(mission)
-    sha = {kind: items_sha256(items, kind) for kind, items in raw.items()}
+def record_of(
+    robot: int, system_id: int, link: str, stored: Mapping[MissionType, tuple[RawItem, ...]]
+) -> StoredRecord:
+    """Return the record of a vehicle that was verified, from what was read back of it."""
+    sha = {kind: stored_sha256(stored[kind], kind) for kind in MissionType}
     return StoredRecord(
-        robot=mission.robot,
+        robot=robot,
         system_id=system_id,
         link=link,
-        mission_items=len(raw[MissionType.MISSION]),
-        fence_items=len(raw[MissionType.FENCE]),
-        rally_points=len(raw[MissionType.RALLY]),
+        state=RecordState.VERIFIED,
+        mission_items=len(stored[MissionType.MISSION]),
+        fence_items=len(stored[MissionType.FENCE]),
+        rally_points=len(stored[MissionType.RALLY]),
         mission_sha256=sha[MissionType.MISSION],
         fence_sha256=sha[MissionType.FENCE],
         rally_sha256=sha[MissionType.RALLY],
     )
 
 
-def write_record(
-    directory: Path, records: Sequence[StoredRecord], forget: Collection[int] = ()
-) -> Path:
-    """Write ``fleet.json`` into `directory`, whole or not at all; return its path.
+class FleetFile:
+    """The record of a folder; every change is on the disk, whole, before it returns.
 
-    Robots that are not in `records` keep the entry of an earlier run: a second run completes the
-    rest, and the record with it. Those in `forget`, whose vehicles may hold something else by now,
-    lose it.
+    Robots that are not touched keep the entry of an earlier run: a second run completes the rest,
+    and the record with it.
+
+    Parameters
+    ----------
+    directory
+        Where ``fleet.json`` lies or is to lie.
+
+    Raises
+    ------
+    PlanFormatError
+        When the file is there and cannot be read.
     """
-    path = directory / FILE_NAME
-    merged = {record.robot: record for record in read_record(directory)}
-    taken = {record.system_id for record in records}
-    merged = {
-        robot: old
-        for robot, old in merged.items()
-        if old.system_id not in taken and robot not in forget
-    }
-    merged.update({record.robot: record for record in records})
-    content = {
-        "version": _VERSION,
-        "vehicles": [asdict(merged[robot]) for robot in sorted(merged)],
-    }
-    write_whole(path, json.dumps(content, indent=2) + "\n", overwrite=True)
-    return path
+
+    def __init__(self, directory: Path) -> None:
+        self.directory = directory
+        self._records = {record.robot: record for record in read_record(directory)}
+
+    @property
+    def pairs(self) -> dict[int, int]:
+        """Robot to system id, as the last runs had it."""
+        return {record.robot: record.system_id for record in self._records.values()}
+
+    def remains(self, system_id: int) -> bool:
+        """Return whether a vehicle may hold the remains of an upload that nobody saw end."""
+        return any(
+            record.system_id == system_id and record.state is RecordState.UNFINISHED
+            for record in self._records.values()
+        )
+
+    def begin(self, robot: int, system_id: int, link: str) -> None:
+        """Note that the first byte is about to go to a vehicle."""
+        self.put(
+            StoredRecord(robot=robot, system_id=system_id, link=link, state=RecordState.UNFINISHED)
+        )
+
+    def fail(self, robot: int) -> None:
+        """Note that a vehicle holds its old mission or none, and that this is certain."""
+        self.put(replace(self._records[robot], state=RecordState.FAILED))
+
+    def put(self, record: StoredRecord) -> None:
+        """Write a record; a vehicle has one entry alone."""
+        self._records = {
+            robot: old for robot, old in self._records.items() if old.system_id != record.system_id
+        }
+        self._records[record.robot] = record
+        content = {
+            "version": _VERSION,
+            "vehicles": [asdict(self._records[robot]) for robot in sorted(self._records)],
+        }
+        write_whole(
+            self.directory / FILE_NAME, json.dumps(content, indent=2) + "\n", overwrite=True
+        )
 
 
 def read_record(directory: Path) -> tuple[StoredRecord, ...]:
@@ -90,9 +153,13 @@ def read_record(directory: Path) -> tuple[StoredRecord, ...]:
         content = json.loads(path.read_text(encoding="utf-8"))
         if content["version"] != _VERSION:
             raise PlanFormatError(
-                f"{path}: version {content['version']}, expected {_VERSION}; delete the file"
+                f"{path}: version {content['version']}, expected {_VERSION}; delete the file and "
+                "upload again"
             )
-        return tuple(StoredRecord(**entry) for entry in content["vehicles"])
+        return tuple(
+            StoredRecord(**{**entry, "state": RecordState(entry["state"])})
+            for entry in content["vehicles"]
+        )
     except (OSError, ValueError, KeyError, TypeError) as error:
         if isinstance(error, PlanFormatError):
             raise

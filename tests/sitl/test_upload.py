@@ -15,14 +15,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mrmission.cli.upload import run_upload
+from mrmission.cli.upload_run import LinkChoice, run_upload
 from mrmission.errors import UploadError, VehicleError
 from mrmission.mission.qgc_plan import write_plan
 from mrmission.model import FencePolygon, Mission, MissionItem, RallyPoint
 from mrmission.simulate import Faults, SimulatedFleet
-from mrmission.vehicle.link import LinkTimeouts
+from mrmission.simulate.storage import Refusal
+from mrmission.simulate.wire import mavlink
+from mrmission.vehicle.links import LinkTimeouts
 from mrmission.vehicle.record import read_record
 from mrmission.vehicle.upload import (
+    Holds,
     UploadProgress,
     UploadRow,
     UploadStatus,
@@ -37,8 +40,11 @@ QUICK = UploadTimeouts(
     link=LinkTimeouts(retry_probe_s=0.0, discovery_s=3.0),
     pauses_s=(0.1, 0.2),
     too_many_pause_s=0.1,
+    return_s=6.0,
+    restore_s=20.0,
     cleanup_s=6.0,
 )
+LINKS = LinkChoice(timeouts=QUICK)
 
 
 def mission(robot: int, count: int = 14, shift: int = 0) -> Mission:
@@ -179,20 +185,41 @@ async def test_one_udp_link_carries_all() -> None:
         assert stored_counts(fleet, 2) == (14, 6, 1)
 
 
-async def test_a_boat_that_holds_less_than_it_should_is_left_empty() -> None:
+async def test_a_boat_that_holds_less_than_the_others_is_asked_first() -> None:
     async with boats(2) as fleet:
         fleet.vehicles[0].mission._capacity = 10
+        with pytest.raises(UploadError, match=r"robot 1: .*14 items.*holds 10 \(vehicle 1\)"):
+            await upload_fleet(missions(2), fleet.links, timeouts=QUICK)
+        assert all(stored_counts(fleet, index) in EMPTY for index in (0, 1))
+
+
+async def test_a_boat_that_takes_less_than_it_says_is_left_empty(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    async with boats(2) as fleet:
+        store = fleet.vehicles[0].mission
+        write = store.write
+
+        def full(seq: int, item: object, last: int) -> None:
+            if seq == 9:
+                raise Refusal(mavlink.MAV_MISSION_NO_SPACE)
+            write(seq, item, last)  # type: ignore[arg-type]
+
+        monkeypatch.setattr(store, "write", full)
         rows = await upload_fleet(missions(2), fleet.links, timeouts=QUICK)
         assert statuses(rows) == ["refused", "verified"]
-        assert "14 items sent, and it holds 10" in rows[0].detail
+        assert "TOO_MANY_MISSION_ITEMS" in rows[0].detail
         assert "left empty" in rows[0].detail
+        assert rows[0].holds is Holds.EMPTY
         assert stored_counts(fleet, 0) in EMPTY
 
 
 async def test_too_many_items_stop_before_anything_is_sent() -> None:
     async with boats(2) as fleet:
         long = [mission(1), mission(2, 702)]
-        with pytest.raises(UploadError, match=r"robot 2: .*702 items.*holds 655; nothing .* wider"):
+        with pytest.raises(
+            UploadError, match=r"robot 2: .*702 items.*holds 655 \(vehicle 2\); nothing .* wider"
+        ):
             await upload_fleet(long, fleet.links, timeouts=QUICK, hint=lambda n: "a wider one")
         assert stored_counts(fleet, 0) in EMPTY
 
@@ -234,28 +261,6 @@ async def test_fence_and_rally_points_of_an_earlier_plan_go() -> None:
         assert stored_counts(fleet, 0)[0] <= 1
 
 
-async def test_cancelling_leaves_every_boat_empty() -> None:
-    started = asyncio.Event()
-    last: dict[int, str] = {}
-
-    def watch(event: UploadProgress) -> None:
-        last[event.robot] = event.stage
-        if event.stage == "sending mission" and event.fraction > 0.3:
-            started.set()
-
-    async with boats(2) as fleet:
-        await upload_fleet(missions(2), fleet.links, timeouts=QUICK)
-        long = [mission(robot, 500) for robot in (1, 2)]
-        task = asyncio.create_task(upload_fleet(long, fleet.links, timeouts=QUICK, progress=watch))
-        await asyncio.wait_for(started.wait(), 10.0)
-        task.cancel()
-        with pytest.raises(asyncio.CancelledError):
-            await task
-        for index in (0, 1):
-            assert last[index + 1].startswith("cancelled, vehicle left empty")
-            assert stored_counts(fleet, index) in EMPTY
-
-
 async def test_a_lossy_link() -> None:
     async with boats(2, faults=Faults(loss=0.02, duplicate=0.02, reorder=0.02, seed=4)) as fleet:
         rows = await upload_fleet(
@@ -281,12 +286,12 @@ async def test_more_links_than_mavsdk_objects() -> None:
 
 
 def test_the_command_simulated(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    assert run_upload(missions(2), simulate=True, as_json=True, timeouts=QUICK) == 0
+    assert run_upload(missions(2), simulate=True, as_json=True, links=LINKS) == 0
     document = json.loads(capsys.readouterr().out)
     assert document["verified"]
     assert document["simulated"]
     assert [r["status"] for r in document["robots"]] == ["verified"] * 2
-    assert run_upload(missions(2), simulate=True, record_folder=tmp_path, timeouts=QUICK) == 0
+    assert run_upload(missions(2), simulate=True, record_folder=tmp_path, links=LINKS) == 0
     out, err = capsys.readouterr()
     assert out.count("✓ verified") == 2
     assert "2 of 2 vehicles verified" in err
@@ -300,10 +305,12 @@ async def test_the_command_keeps_a_record(
         write_plan(m, tmp_path / f"robot-{m.robot}.plan")
 
     def run(*links: str) -> int:
-        from mrmission.cli.upload import read_missions
+        from mrmission.cli.upload_plan import read_missions
 
         return run_upload(
-            read_missions(tmp_path), connect=links, record_folder=tmp_path, timeouts=QUICK
+            read_missions(tmp_path),
+            links=LinkChoice(connect=links, timeouts=QUICK),
+            record_folder=tmp_path,
         )
 
     gone = f"tcp:127.0.0.1:{free_port()}"

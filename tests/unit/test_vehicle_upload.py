@@ -13,15 +13,21 @@ import pytest
 from mrmission.errors import PlanFormatError, UploadError
 from mrmission.model import FencePolygon, Mission, MissionItem, RallyPoint
 from mrmission.options import VehicleLimits
-from mrmission.vehicle.link import heartbeat_ids, sd_limits
-from mrmission.vehicle.record import read_record, record_of, write_record
-from mrmission.vehicle.upload import (
-    assign,
+from mrmission.vehicle.assign import assign, first_sorties
+from mrmission.vehicle.capacity import (
+    Caps,
+    KnownLimits,
+    Limit,
+    capped,
     check_capacity,
-    first_sorties,
-    items_supported,
-    path_length_m,
+    default_limits,
+    smallest,
 )
+from mrmission.vehicle.items import MissionType, to_raw
+from mrmission.vehicle.job import path_length_m
+from mrmission.vehicle.links import items_supported, sd_limits
+from mrmission.vehicle.mavsdk_link import heartbeat_ids
+from mrmission.vehicle.record import FleetFile, RecordState, StoredRecord, read_record, record_of
 
 
 def mission(robot: int, items: int = 4, sortie: int = 1) -> Mission:
@@ -65,18 +71,56 @@ def test_first_sorties() -> None:
     assert [(m.robot, m.sortie) for m in first_sorties(given)] == [(1, 1), (2, 1)]
 
 
+def holding(items: int = 655, fence_bytes: int = 667, rally: int = 50) -> KnownLimits:
+    return KnownLimits(
+        mission_items=Limit(value=items, source="vehicle 4"),
+        fence_bytes=Limit(value=fence_bytes, source="BRD_SD_FENCE of vehicle 4"),
+        rally_points=Limit(value=rally, source="default"),
+    )
+
+
 def test_capacity() -> None:
-    limits = VehicleLimits(mission_items=10)
+    limits = holding(10)
     check_capacity([mission(1, 10)], limits)
-    with pytest.raises(UploadError, match=r"robot 2: .* 12 items.* holds 10; .* --swath 33"):
+    with pytest.raises(
+        UploadError, match=r"robot 2: .* 12 items.* holds 10 \(vehicle 4\); .* --swath 33"
+    ):
         check_capacity([mission(1, 11), mission(2, 12)], limits, lambda n: f"--swath {n + 23}")
-    with pytest.raises(UploadError, match="26 bytes"):
-        check_capacity([mission(1)], VehicleLimits(fence_bytes=25))
-    with pytest.raises(UploadError, match="3 points"):
-        check_capacity([mission(1)], VehicleLimits(fence_polygon_points=2))
+    with pytest.raises(UploadError, match=r"26 bytes.*holds 25 \(BRD_SD_FENCE of vehicle 4\)"):
+        check_capacity([mission(1)], holding(fence_bytes=25))
     with pytest.raises(UploadError, match="rally"):
-        check_capacity([mission(1)], VehicleLimits(rally_points=0))
+        check_capacity([mission(1)], holding(rally=0))
     check_capacity([mission(1, 11), mission(2, 3)], {2: limits})
+    big = replace(
+        mission(1), fence=(FencePolygon(inclusion=True, points_e7=np.ones((256, 2), dtype=int)),)
+    )
+    with pytest.raises(UploadError, match="256 points"):
+        check_capacity([big], holding(fence_bytes=65531))
+
+
+def test_the_smallest_of_a_fleet_and_what_the_user_gave() -> None:
+    least = smallest(
+        [
+            holding(),
+            holding(fence_bytes=411),
+            replace(holding(304), rally_points=Limit(value=9, source="vehicle 7")),
+        ]
+    )
+    assert least.limits == VehicleLimits(
+        mission_items=304, fence_bytes=411, fence_polygon_points=51, rally_points=9
+    )
+    assert str(least) == (
+        "304 mission items (vehicle 4); 411 fence bytes (BRD_SD_FENCE of vehicle 4); "
+        "9 rally points (vehicle 7)"
+    )
+    assert smallest([]) == default_limits()
+    assert default_limits().limits == VehicleLimits()
+    # Smaller than the vehicle says: the user's word; larger: the vehicle's; a guess: the user's.
+    assert capped(least, Caps(mission_items=100)).mission_items == Limit(
+        value=100, source="--max-items"
+    )
+    assert capped(least, Caps(mission_items=4000, fence_bytes=4000)) == least
+    assert capped(default_limits(), Caps(mission_items=4000)).mission_items.value == 4000
 
 
 def test_a_card_widens_the_limits() -> None:
@@ -109,20 +153,51 @@ def test_heartbeats_are_found_in_a_stream() -> None:
     assert heartbeat_ids(b"") == frozenset()
 
 
-def test_record_is_merged_and_forgets(tmp_path: Path) -> None:
-    one, two, three = (record_of(mission(r), system_id=10 + r, link="tcp") for r in (1, 2, 3))
-    write_record(tmp_path, [one, two])
-    write_record(tmp_path, [three], forget=[2])
-    assert read_record(tmp_path) == (one, three)
-    moved = replace(one, robot=2)
-    write_record(tmp_path, [moved])
+def verified(robot: int, system_id: int | None = None, items: int = 4) -> StoredRecord:
+    return record_of(robot, system_id or 10 + robot, "tcp", to_raw(mission(robot, items)))
+
+
+def test_record_is_merged(tmp_path: Path) -> None:
+    one, two, three = (verified(robot) for robot in (1, 2, 3))
+    for record in (one, two):
+        FleetFile(tmp_path).put(record)
+    FleetFile(tmp_path).put(three)
+    assert read_record(tmp_path) == (one, two, three)
+    assert FleetFile(tmp_path).pairs == {1: 11, 2: 12, 3: 13}
+    moved = verified(2, 11)
+    FleetFile(tmp_path).put(moved)
     assert read_record(tmp_path) == (moved, three)
-    assert one.mission_sha256 != record_of(mission(1, 5), system_id=11, link="").mission_sha256
+    assert one.mission_sha256 != verified(1, items=5).mission_sha256
     assert one.fence_sha256 == two.fence_sha256
+    assert one.items(MissionType.FENCE) == 3
     assert [p.name for p in tmp_path.iterdir()] == ["fleet.json"]
 
 
-@pytest.mark.parametrize("text", ["", "[]", '{"version": 2}', '{"version": 1, "vehicles": [{}]}'])
+def test_record_is_a_journal(tmp_path: Path) -> None:
+    file = FleetFile(tmp_path)
+    file.put(verified(1))
+    assert not FleetFile(tmp_path).remains(11)
+    file.begin(1, 11, "tcp")
+    # As after a power cut: what the next run reads.
+    assert FleetFile(tmp_path).remains(11)
+    assert FleetFile(tmp_path).pairs == {1: 11}
+    file.fail(1)
+    assert not FleetFile(tmp_path).remains(11)
+    (entry,) = read_record(tmp_path)
+    assert (entry.state, entry.mission_sha256) == (RecordState.FAILED, "")
+
+
+def test_heights_count_in_the_hash() -> None:
+    low, high = to_raw(mission(1)), to_raw(mission(1))
+    kind = MissionType.MISSION
+    high[kind] = (high[kind][0], *(replace(item, z=30.0) for item in high[kind][1:]))
+    assert record_of(1, 1, "", low).mission_sha256 != record_of(1, 1, "", high).mission_sha256
+    # Home is the vehicle's own, and moves with it.
+    moved = {**low, kind: (replace(low[kind][0], x=77), *low[kind][1:])}
+    assert record_of(1, 1, "", low) == record_of(1, 1, "", moved)
+
+
+@pytest.mark.parametrize("text", ["", "[]", '{"version": 1}', '{"version": 2, "vehicles": [{}]}'])
 def test_a_bad_record_is_named(tmp_path: Path, text: str) -> None:
     (tmp_path / "fleet.json").write_text(text)
     with pytest.raises(PlanFormatError, match=r"fleet\.json"):

@@ -1,0 +1,190 @@
+"""An upload from the command line: the table, the record, the exit code."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from mrmission.errors import VehicleError
+from mrmission.model import Mission
+from mrmission.options import VehicleLimits
+
+if TYPE_CHECKING:
+    from mrmission.vehicle.capacity import Caps, KnownLimits
+    from mrmission.vehicle.framing import Signing
+    from mrmission.vehicle.rows import UploadRow, UploadTimeouts
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkChoice:
+    """How vehicles are reached.
+
+    Parameters
+    ----------
+    connect
+        Links; none means the ports of as many SITL instances.
+    client, signing
+        See `mrmission.vehicle.links.open_links`.
+    timeouts
+        How long to wait, how often to try; None for the usual.
+    """
+
+    connect: tuple[str, ...] = ()
+    client: str = "pymavlink"
+    signing: Signing | None = None
+    timeouts: UploadTimeouts | None = None
+
+
+def ask_limits(count: int, links: LinkChoice) -> dict[int, KnownLimits]:
+    """Return what every vehicle of the fleet holds, by system id.
+
+    Raises
+    ------
+    VehicleError
+        When nobody answers.
+    """
+    from mrmission.vehicle.upload import ask_limits_of_fleet
+
+    return asyncio.run(
+        ask_limits_of_fleet(
+            count,
+            links.connect,
+            timeouts=links.timeouts,
+            client=links.client,
+            signing=links.signing,
+        )
+    )
+
+
+def run_upload(
+    missions: Sequence[Mission],
+    *,
+    links: LinkChoice | None = None,
+    simulate: bool = False,
+    as_json: bool = False,
+    record_folder: Path | None = None,
+    caps: Caps | None = None,
+    hint: Callable[[int], str] | None = None,
+    estimates: Mapping[int, tuple[float, float]] | None = None,
+    starts_lonlat: Sequence[tuple[float, float]] | None = None,
+    max_distance_m: float | None = None,
+    title: str = "Upload",
+) -> int:
+    """Upload missions, print the table, keep the record; return the exit code.
+
+    Parameters
+    ----------
+    missions
+        One or more per robot; the first sortie of each is uploaded.
+    links
+        How vehicles are reached.
+    simulate
+        Upload to simulated boats that are started for it and stopped afterwards.
+    as_json
+        Print JSON instead of the table.
+    record_folder
+        Where ``fleet.json`` and what vehicles held before are kept, if anywhere.
+    caps, hint, estimates, max_distance_m
+        See :func:`mrmission.vehicle.upload.upload_fleet`.
+    starts_lonlat
+        Where simulated boats lie; each mission's home where not given.
+    title
+        Title of the table.
+
+    Returns
+    -------
+    int
+        0 when every vehicle was verified, 5 otherwise.
+    """
+    from mrmission.cli.upload_table import upload_json, upload_progress, upload_table
+    from mrmission.vehicle.assign import first_sorties
+    from mrmission.vehicle.capacity import Caps
+    from mrmission.vehicle.job import FolderKeeper
+    from mrmission.vehicle.place import DEFAULT_MAX_DISTANCE_M
+
+    links = links or LinkChoice()
+    caps = caps or Caps()
+    first = first_sorties(missions)
+    # Simulated boats are gone when this ends; a record of them would mislead the real upload.
+    keeper = FolderKeeper(record_folder) if record_folder is not None and not simulate else None
+    limits: dict[int, KnownLimits] = {}
+    with upload_progress([mission.robot for mission in first]) as progress:
+        rows = asyncio.run(
+            _upload(
+                missions,
+                connect=links.connect,
+                simulated=_fleet(first, starts_lonlat, caps) if simulate else None,
+                progress=progress,
+                caps=caps,
+                hint=hint,
+                assignment=keeper.pairs if keeper is not None else {},
+                estimates=estimates,
+                timeouts=links.timeouts,
+                keeper=keeper,
+                max_distance_m=(
+                    DEFAULT_MAX_DISTANCE_M if max_distance_m is None else max_distance_m
+                ),
+                client=links.client,
+                signing=links.signing,
+                on_limits=limits.update,
+            )
+        )
+    if as_json:
+        sys.stdout.write(upload_json(rows, limits, simulated=simulate))
+    else:
+        _show(rows, limits, upload_table(rows, title + (" to simulated boats" * simulate)))
+    return 0 if all(row.verified for row in rows) else VehicleError.exit_code
+
+
+def _show(rows: Sequence[UploadRow], limits: Mapping[int, KnownLimits], table: Any) -> None:
+    from rich.console import Console
+
+    from mrmission.vehicle.capacity import smallest
+
+    console = Console() if sys.stdout.isatty() else Console(width=200)
+    console.print(table)
+    click.echo(f"each vehicle holds at least {smallest(list(limits.values()))}", err=True)
+    verified = sum(row.verified for row in rows)
+    text = f"{verified} of {len(rows)} vehicles verified; nothing was armed"
+    if verified < len(rows):
+        text += "; the same command completes the rest"
+    click.echo(text, err=True)
+
+
+async def _upload(
+    missions: Sequence[Mission], *, connect: Sequence[str], simulated: Any, **options: Any
+) -> list[UploadRow]:
+    from mrmission.vehicle.upload import upload_fleet
+
+    if simulated is None:
+        return await upload_fleet(missions, connect, **options)
+    async with simulated as fleet:
+        return await upload_fleet(missions, fleet.links, **options)
+
+
+def _fleet(
+    missions: Sequence[Mission], starts_lonlat: Sequence[tuple[float, float]] | None, caps: Caps
+) -> Any:
+    """Return a simulated fleet at the missions' homes, with the memory that was planned for."""
+    from mrmission.simulate import SimulatedFleet
+    from mrmission.vehicle.place import home_lonlat
+
+    starts = list(starts_lonlat or ())
+    if len(starts) != len(missions):
+        starts = [home_lonlat(mission) or (0.0, 0.0) for mission in missions]
+    standard = VehicleLimits()
+    parameters: dict[str, float] = {}
+    if (caps.mission_items or 0) > standard.mission_items:
+        parameters["BRD_SD_MISSION"] = math.ceil(((caps.mission_items or 0) * 15 + 4) / 1024)
+    if (caps.fence_bytes or 0) > standard.fence_bytes:
+        parameters["BRD_SD_FENCE"] = math.ceil(((caps.fence_bytes or 0) + 5) / 1024)
+    return SimulatedFleet(
+        count=len(missions), starts_lonlat=starts, base_port=0, parameters=parameters
+    )
