@@ -9,6 +9,7 @@ from mrmission.simulate import telemetry
 from mrmission.simulate.wire import Message, mavlink
 
 SHORTEST_INTERVAL_S = 0.05
+MOST_PIECES = 100
 
 
 class Streams:
@@ -18,10 +19,16 @@ class Streams:
     ----------
     build : callable
         Returns the message of a number, or None where there is nothing to send.
+    speedup : float
+        Seconds of the vehicle's clock per second of the link's. What a ground station asks for is
+        counted on the vehicle's clock, as ArduPilot does; the default streams keep the link's, so
+        that nobody is flooded who did not ask.
     """
 
-    def __init__(self, build: Callable[[int], Message | None]) -> None:
+    def __init__(self, build: Callable[[int], Message | None], speedup: float = 1.0) -> None:
         self._build = build
+        self._speedup = speedup
+        self._asked: set[int] = set()
         self._intervals = dict(telemetry.STREAMS)
         self._due: dict[int, float] = {}
         self._next_due_s = 0.0
@@ -47,6 +54,7 @@ class Streams:
         """Change an interval as SET_MESSAGE_INTERVAL does; return the MAV_RESULT."""
         if message_id not in telemetry.BUILDERS:
             return int(mavlink.MAV_RESULT_FAILED)
+        self._asked.discard(message_id)
         if interval_us < 0:
             if message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT:
                 return int(mavlink.MAV_RESULT_DENIED)
@@ -57,7 +65,9 @@ class Streams:
             else:
                 self._intervals.pop(message_id, None)
         else:
-            self._intervals[message_id] = max(SHORTEST_INTERVAL_S, interval_us * 1e-6)
+            interval_s = max(SHORTEST_INTERVAL_S, interval_us * 1e-6)
+            self._intervals[message_id] = interval_s / self._speedup
+            self._asked.add(message_id)
         self._due.pop(message_id, None)
         self._next_due_s = 0.0
         return int(mavlink.MAV_RESULT_ACCEPTED)
@@ -66,4 +76,11 @@ class Streams:
         """Return an interval as MESSAGE_INTERVAL tells it: -1 is off, 0 unknown."""
         interval_s = self._intervals.get(message_id)
         known = message_id in telemetry.BUILDERS
+        if interval_s and message_id in self._asked:
+            interval_s *= self._speedup
         return round(interval_s * 1e6) if interval_s else (-1 if known else 0)
+
+    def pieces(self, step_s: float) -> int:
+        """Return in how many pieces a step of the link's clock is taken, so that none is missed."""
+        finest = min((self._intervals[number] for number in self._asked), default=math.inf)
+        return max(1, min(MOST_PIECES, round(step_s / finest)))
