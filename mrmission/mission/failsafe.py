@@ -22,6 +22,10 @@ SAMPLES = 400
 MEASURED = 12
 """Of those whose way home leaves the water, so many are measured for the longest stretch."""
 
+SMART_RTL_BATCH_M = 100.0
+POINTS_PER_CORNER = 1.75
+"""Fitted to when SmartRTL ran out of points on short lanes, see docs/failsafes.md."""
+
 ACTIONS = {
     0: "report only",
     1: "return to launch, or hold",
@@ -113,6 +117,26 @@ def recommended_action(share: float) -> int:
     (1, 4)
     """
     return 4 if share > 0 else 1
+
+
+def smart_rtl_points(path_m: FloatArray) -> int:
+    """Return about how many points SmartRTL takes to remember a way.
+
+    It drops a point every 2 m (SRTL_ACCURACY) and thins them out, 50 at a time, to what lies more
+    than half of that beside the straight line: so one stays in every 100 m at least, and a turn
+    takes a few.
+
+    Parameters
+    ----------
+    path_m : (n, 2) array
+        The way that is sailed, m.
+    """
+    path = np.asarray(path_m, dtype=float)
+    if len(path) < 2:
+        return len(path)
+    line = shapely.LineString(path)
+    corners = len(shapely.get_coordinates(line.simplify(1.0))) - 2
+    return 2 + round(POINTS_PER_CORNER * corners + line.length / SMART_RTL_BATCH_M)
 
 
 def failsafe_report(ways: Mapping[int, StraightWays], frame: Frame) -> FailsafeReport:
