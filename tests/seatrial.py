@@ -269,7 +269,9 @@ class Trial:
         return [m.seq for m in self.heard if m.get_type() == "MISSION_ITEM_REACHED"]
 
     def until_reached(self, seq: int, seconds: float) -> float:
-        """Wait until item `seq` is reported as reached; return the time on the water."""
+        """Wait until item `seq` is reported as reached, or was; return the time on the water."""
+        if seq in self.reached():
+            return self.now_s
         m = self.first(lambda m: m.get_type() == "MISSION_ITEM_REACHED" and m.seq == seq, seconds)
         assert m is not None, f"item {seq} not reached in {seconds} s; said {self.texts()}"
         return self.now_s

@@ -9,8 +9,10 @@ from __future__ import annotations
 import enum
 import math
 
+from mrmission.simulate.camera import Camera
 from mrmission.simulate.execution import MissionExecution, MissionState, SubMode
 from mrmission.simulate.fence import polygon_breach_m
+from mrmission.simulate.loiter import Loiter
 from mrmission.simulate.motion import Boat, Leg, offset_m
 from mrmission.simulate.parameters import Parameters
 from mrmission.simulate.storage import Item
@@ -23,6 +25,13 @@ FENCE_CIRCLE, FENCE_POLYGON = 2, 4
 FENCE_UNION = 2
 """FENCE_OPTIONS bit: inclusion areas add up instead of intersecting."""
 GIVE_UP_FENCE_M = 100.0
+HOME_MOVES_M = 0.5
+"""Home follows a boat that is not armed, in steps of this."""
+FIXED_SHARE, ARMABLE_SHARE = 0.24, 0.55
+"""When there is a position, and when a boat can be armed, as shares of the time until it can
+navigate: ArduPilot in SITL has a fix after 10 s, arms after 24 and enters AUTO after 42."""
+NO_ROOM_S = 4.0
+"""A boat that starts up says for so long that it has no room for a mission."""
 
 CRITICAL = mavlink.MAV_SEVERITY_CRITICAL
 WARNING = mavlink.MAV_SEVERITY_WARNING
@@ -45,7 +54,8 @@ NAVIGATING = frozenset({Mode.LOITER, Mode.AUTO, Mode.RTL, Mode.GUIDED})
 
 
 Event = tuple[str, int, str]
-"""(kind, number, text): ("text", severity, text), ("reached", seq, ""), ("mode"|"home", 0, "")."""
+"""(kind, number, text): ("text", severity, text), ("reached", seq, ""), ("shot", number, ""),
+("mode"|"home", 0, "")."""
 
 
 class Autopilot:
@@ -60,8 +70,12 @@ class Autopilot:
     mission, fence, rally
         The stores that uploads write.
     ready_s : float
-        Time after start at which the position is good enough to arm.
+        Time after start at which the position is good enough to navigate.
     """
+
+    modes: type[enum.IntEnum] = Mode
+    navigating_modes: frozenset[enum.IntEnum] = NAVIGATING
+    fallback_mode: enum.IntEnum = Mode.HOLD
 
     def __init__(
         self,
@@ -82,28 +96,46 @@ class Autopilot:
         self.armed = False
         self.events: list[Event] = []
         self.home: tuple[float, float] | None = None
-        try:
-            self.mode = Mode(int(parameters["INITIAL_MODE"]))
-        except ValueError:
-            self.mode = Mode.HOLD
+        self._home_locked = False
+        self.camera = Camera(self)
+        self.loiterer = Loiter(boat)
+        self.mode: enum.IntEnum = self._first_mode()
         self.submode = SubMode.STOP
-        self.speed_m_s = parameters["WP_SPEED"]
+        self.speed_m_s = self._usual_speed_m_s()
         self.leg: Leg | None = None
         self.arrived_s: float | None = None
         self._fence_next_s = 0.0
         self._breached = False
-        self.execution = MissionExecution(self)
+        self.execution = self._new_execution()
+        mission.has_room = lambda: self.time_s >= min(NO_ROOM_S, self.ready_s)
         mission.may_clear = lambda: not (self.armed and self.state is MissionState.RUNNING)
         mission.on_clear = self.execution.forget
         if ready_s <= 0.0:
             self.set_home_here()
 
+    def _first_mode(self) -> enum.IntEnum:
+        try:
+            return self.modes(int(self.parameters["INITIAL_MODE"]))
+        except ValueError:
+            return self.fallback_mode
+
+    def _usual_speed_m_s(self) -> float:
+        return self.parameters["WP_SPEED"]
+
+    def _new_execution(self) -> MissionExecution:
+        return MissionExecution(self)
+
     # --- what others ask ---
 
     @property
     def has_position(self) -> bool:
-        """Whether the position is good enough to arm."""
+        """Whether there is a position."""
         return self.home is not None
+
+    @property
+    def can_navigate(self) -> bool:
+        """Whether the position is good enough to navigate by."""
+        return self.has_position and self.time_s >= self.ready_s
 
     @property
     def state(self) -> MissionState:
@@ -134,8 +166,9 @@ class Autopilot:
         """Position ``(lat, lon)`` that is steered for."""
         return self.leg.end if self.leg is not None else None
 
-    def set_home(self, lat: float, lon: float) -> None:
-        """Move home (item 0 of the mission follows)."""
+    def set_home(self, lat: float, lon: float, *, lock: bool = False) -> None:
+        """Move home (item 0 of the mission follows); a locked one stays where it is."""
+        self._home_locked = self._home_locked or lock
         self.home = (lat, lon)
         self.mission.home = Item(
             16, 0, 0.0, 0.0, 0.0, 0.0, round(lat * 1e7), round(lon * 1e7), 0.0
@@ -144,7 +177,9 @@ class Autopilot:
 
     def why_not_arm(self) -> str | None:
         """Return what an arming check would object to, or None."""
-        if not self.has_position:
+        if self.time_s < ARMABLE_SHARE * self.ready_s:
+            return "Gyros inconsistent"
+        if self.mode in NAVIGATING and not self.can_navigate:
             return "Need Position Estimate"
         if self.parameters["FENCE_ENABLE"] and self.fence_breach_m() is not None:
             return "Vehicle breaching fence"
@@ -163,16 +198,23 @@ class Autopilot:
         self.events.append(("mode", 0, ""))
         return True
 
-    def disarm(self, *, force: bool = False) -> bool:
-        """Disarm; refused while the boat is moving, unless forced."""
-        if self.armed and self.boat.speed_m_s > 0.5 and not force:
-            self.say(CRITICAL, "Disarm: vehicle is moving")
-            return False
+    def disarm(self) -> None:
+        """Disarm, moving or not; outside AUTO the mission goes back to its beginning."""
         if self.armed:
             self.armed = False
+            if self.mode is not Mode.AUTO:
+                self.execution.reset()
             self.say(INFO, "Throttle disarmed")
             self.events.append(("mode", 0, ""))
+
+    def ask_disarm(self, *, force: bool) -> bool:
+        """Disarm as a ground station asks for it; False where that is refused."""
+        self.disarm()
         return True
+
+    def start_mission(self) -> bool:
+        """Change to AUTO as MISSION_START does."""
+        return self.set_mode(Mode.AUTO)
 
     def set_mode(self, number: int) -> bool:
         """Change mode; False where the mode is unknown or can't be entered."""
@@ -183,6 +225,13 @@ class Autopilot:
             return False
         if mode is self.mode:
             return True
+        if self.mode is Mode.MANUAL and mode is not Mode.HOLD:
+            self.say(
+                WARNING,
+                f"Mode change from MANUAL to {mode.name} denied, only RC commands "
+                "(QGC, MP, hand controller) can force exit from MANUAL",
+            )
+            return False
         if not self._may_enter(mode):
             self.say(WARNING, "Flight mode change failed")
             return False
@@ -249,17 +298,22 @@ class Autopilot:
     def _step(self, dt_s: float) -> None:
         self.time_s += dt_s
         if self.home is None:
-            if self.time_s < self.ready_s:
+            if self.time_s < FIXED_SHARE * self.ready_s:
                 return
             self.set_home_here()
+        if not self.armed:
+            self._home_follows()
+        self.boat.current_m_s = self._current_m_s()
         if self.mode is Mode.AUTO:
             self._run_auto(dt_s)
         elif self.mode is Mode.RTL or self.mode is Mode.GUIDED:
             self._follow(dt_s)
         elif self.mode is Mode.LOITER:
             self._stay(dt_s)
-        elif self.boat.speed_m_s:
-            self.boat.stop(dt_s)
+        else:
+            self.boat.coast(dt_s)
+        if self.armed:
+            self.camera.look()
         if self.armed and self.parameters["FENCE_ENABLE"] and self.time_s >= self._fence_next_s:
             self._fence_next_s = self.time_s + FENCE_CHECK_S
             self._check_fence()
@@ -273,11 +327,14 @@ class Autopilot:
             return
         self._breached = True
         self.say(CRITICAL, "Fence Breached")
+        self._act_on_breach(breach_m)
+
+    def _act_on_breach(self, breach_m: float) -> None:
         action = int(self.parameters["FENCE_ACTION"])
         if action == 0:
             return
         if action == 5:
-            self.disarm(force=True)
+            self.disarm()
         elif breach_m > GIVE_UP_FENCE_M or action in (2, 4) or not self.set_mode(Mode.RTL):
             self.set_mode(Mode.HOLD)
 
@@ -296,6 +353,8 @@ class Autopilot:
             and self.leg.reached(self.boat, radius_m)
         ):
             self.arrived_s = self.time_s
+            if self.leg.stops:
+                self.loiterer.begin()
             if self.mode is Mode.RTL:
                 self.say(INFO, "Reached destination")
         if self.arrived_s is not None and self.leg.stops:
@@ -304,13 +363,38 @@ class Autopilot:
             self.leg.drive(self.boat, dt_s, self.speed_m_s, radius_m)
 
     def _stay(self, dt_s: float) -> None:
-        if self.boat.speed_m_s:
-            self.boat.stop(dt_s)
+        """Loiter, or stop and then drift where a mission has ended with that."""
+        if not self.armed:
+            self.boat.coast(dt_s)
+        elif self.mode is Mode.AUTO and self.submode is SubMode.STOP:
+            self.loiterer.stop(dt_s)
+        else:
+            self.loiterer.stay(
+                dt_s,
+                self.parameters["LOIT_RADIUS"],
+                self.parameters["LOIT_SPEED_GAIN"],
+                self.parameters["WP_SPEED"],
+            )
 
     def loiter(self) -> None:
         """Stay here: no leg, no destination."""
         self.submode = SubMode.LOITER
         self.leg = None
+        self.loiterer.begin()
+
+    def _current_m_s(self) -> tuple[float, float]:
+        """Return where the water goes; as in SITL, it rests until the boat is armed."""
+        speed = self.parameters["SIM_TIDE_SPEED"] if self.armed else 0.0
+        if not speed:
+            return (0.0, 0.0)
+        comes_from = math.radians(self.parameters["SIM_TIDE_DIR"])
+        return (-speed * math.sin(comes_from), -speed * math.cos(comes_from))
+
+    def _home_follows(self) -> None:
+        assert self.home is not None
+        moved_m = math.hypot(*offset_m(*self.home, self.boat.lat, self.boat.lon))
+        if moved_m >= HOME_MOVES_M and not self._home_locked:
+            self.set_home_here()
 
     def head_home(self) -> None:
         """Steer straight for the nearest rally point, or home."""
@@ -349,6 +433,7 @@ class Autopilot:
             if self.submode is SubMode.WAYPOINT and stops and self.arrived_s is not None:
                 # A boat loiters where it stops; a change of speed is lost on it from here on.
                 self.submode = SubMode.LOITER
+                self.loiterer.begin()
         elif self.submode is SubMode.CIRCLE and self.armed:
             self.execution.circle(dt_s)
         else:
@@ -357,7 +442,7 @@ class Autopilot:
     # --- inside ---
 
     def _may_enter(self, mode: Mode) -> bool:
-        if mode in NAVIGATING and self.armed and not self.has_position:
+        if mode in NAVIGATING and self.armed and not self.can_navigate:
             return False
         if mode is Mode.AUTO and self.mission.count() <= 1:
             self.say(NOTICE, "No Mission. Can't set AUTO.")

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from mrmission.simulate import telemetry
-from mrmission.simulate.autopilot import Mode
+from mrmission.simulate.copter import CopterPilot
 from mrmission.simulate.transfer import Peer
 from mrmission.simulate.wire import Message, mavlink
 
@@ -23,14 +23,11 @@ def _accepted(done: bool) -> int:
 
 
 def _arm(vehicle: SimVehicle, message: Message, peer: Peer, place: Place) -> int:
-    force = message.param2 == 21196
     if message.param1 == 1:
-        done = vehicle.autopilot.arm(force=force)
-    elif message.param1 == 0:
-        done = vehicle.autopilot.disarm(force=force)
-    else:
-        return int(mavlink.MAV_RESULT_UNSUPPORTED)
-    return _accepted(done)
+        return _accepted(vehicle.autopilot.arm(force=message.param2 == 21196))
+    if message.param1 == 0:
+        return _accepted(vehicle.autopilot.ask_disarm(force=message.param2 == 21196))
+    return int(mavlink.MAV_RESULT_UNSUPPORTED)
 
 
 def _set_mode(vehicle: SimVehicle, message: Message, peer: Peer, place: Place) -> int:
@@ -42,7 +39,7 @@ def _set_mode(vehicle: SimVehicle, message: Message, peer: Peer, place: Place) -
 def _mission_start(vehicle: SimVehicle, message: Message, peer: Peer, place: Place) -> int:
     if message.param1 or message.param2:
         return int(mavlink.MAV_RESULT_DENIED)
-    return _accepted(vehicle.autopilot.set_mode(Mode.AUTO))
+    return _accepted(vehicle.autopilot.start_mission())
 
 
 def _set_current(vehicle: SimVehicle, message: Message, peer: Peer, place: Place) -> int:
@@ -84,7 +81,7 @@ def _set_home(vehicle: SimVehicle, message: Message, peer: Peer, place: Place) -
         place = (vehicle.boat.lat, vehicle.boat.lon)
     elif not (abs(place[0]) <= 90 and abs(place[1]) <= 180) or place == (0.0, 0.0):
         return int(mavlink.MAV_RESULT_DENIED)
-    vehicle.autopilot.set_home(*place)
+    vehicle.autopilot.set_home(*place, lock=True)
     return int(mavlink.MAV_RESULT_ACCEPTED)
 
 
@@ -101,19 +98,33 @@ def _change_speed(vehicle: SimVehicle, message: Message, peer: Peer, place: Plac
 
 
 def _return(vehicle: SimVehicle, message: Message, peer: Peer, place: Place) -> int:
-    return _accepted(vehicle.autopilot.set_mode(Mode.RTL))
+    return _accepted(vehicle.autopilot.set_mode(vehicle.autopilot.modes["RTL"]))
 
 
 def _loiter(vehicle: SimVehicle, message: Message, peer: Peer, place: Place) -> int:
-    return _accepted(vehicle.autopilot.set_mode(Mode.LOITER))
+    return _accepted(vehicle.autopilot.set_mode(vehicle.autopilot.modes["LOITER"]))
+
+
+def _take_off(vehicle: SimVehicle, message: Message, peer: Peer, place: Place) -> int:
+    pilot = vehicle.autopilot
+    if not isinstance(pilot, CopterPilot):
+        return int(mavlink.MAV_RESULT_UNSUPPORTED)
+    return _accepted(pilot.ask_takeoff(message.z if hasattr(message, "z") else message.param7))
+
+
+def _land(vehicle: SimVehicle, message: Message, peer: Peer, place: Place) -> int:
+    if not isinstance(vehicle.autopilot, CopterPilot):
+        return int(mavlink.MAV_RESULT_UNSUPPORTED)
+    return _accepted(vehicle.autopilot.set_mode(vehicle.autopilot.modes["LAND"]))
 
 
 def _reposition(vehicle: SimVehicle, message: Message, peer: Peer, place: Place) -> int:
     if not (math.isfinite(place[0]) and abs(place[0]) <= 90 and abs(place[1]) <= 180):
         return int(mavlink.MAV_RESULT_DENIED)
-    if not int(message.param2) & 1 and vehicle.autopilot.mode is not Mode.GUIDED:
+    guided = vehicle.autopilot.modes["GUIDED"]
+    if not int(message.param2) & 1 and vehicle.autopilot.mode is not guided:
         return int(mavlink.MAV_RESULT_DENIED)
-    if not vehicle.autopilot.set_mode(Mode.GUIDED):
+    if not vehicle.autopilot.set_mode(guided):
         return int(mavlink.MAV_RESULT_DENIED)
     return _accepted(vehicle.autopilot.go_to(*place))
 
@@ -147,6 +158,8 @@ COMMANDS: dict[int, Command] = {
     mavlink.MAV_CMD_DO_CHANGE_SPEED: _change_speed,
     mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: _return,
     mavlink.MAV_CMD_NAV_LOITER_UNLIM: _loiter,
+    mavlink.MAV_CMD_NAV_TAKEOFF: _take_off,
+    mavlink.MAV_CMD_NAV_LAND: _land,
     mavlink.MAV_CMD_DO_REPOSITION: _reposition,
     mavlink.MAV_CMD_DO_FENCE_ENABLE: _fence_enable,
     mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN: _reboot,

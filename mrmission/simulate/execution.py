@@ -21,9 +21,55 @@ if TYPE_CHECKING:
 MANUAL = 0
 
 CRITICAL = mavlink.MAV_SEVERITY_CRITICAL
-WARNING = mavlink.MAV_SEVERITY_WARNING
 NOTICE = mavlink.MAV_SEVERITY_NOTICE
 INFO = mavlink.MAV_SEVERITY_INFO
+
+
+NAMES: dict[int, str] = {
+    16: "WP",
+    17: "LoitUnlim",
+    18: "LoitTurns",
+    19: "LoitTime",
+    20: "RTL",
+    21: "Land",
+    22: "Takeoff",
+    30: "ContinueAndChangeAlt",
+    31: "LoitAltitude",
+    82: "SplineWP",
+    83: "AltitudeWait",
+    84: "VTOLTakeoff",
+    85: "VTOLLand",
+    92: "GuidedEnable",
+    93: "Delay",
+    94: "PayloadPlace",
+    112: "CondDelay",
+    114: "CondDist",
+    115: "CondYaw",
+    177: "Jump",
+    178: "ChangeSpeed",
+    179: "SetHome",
+    181: "SetRelay",
+    182: "RepeatRelay",
+    183: "SetServo",
+    184: "RepeatServo",
+    188: "ReturnPathStart",
+    189: "LandStart",
+    193: "PauseContinue",
+    194: "SetReverse",
+    201: "SetROI",
+    202: "DigiCamCfg",
+    203: "DigiCamCtrl",
+    205: "MountControl",
+    206: "SetCamTrigDst",
+    207: "FenceEnable",
+    211: "Gripper",
+    213: "SetYawSpd",
+    215: "SetRepeatDist",
+    216: "Sprayer",
+    218: "AuxFunction",
+    222: "GuidedLimits",
+}
+"""What ArduPilot calls the commands when it tells that one begins."""
 
 
 class MissionState(enum.IntEnum):
@@ -126,10 +172,15 @@ class MissionExecution:
     def forget(self) -> None:
         """Drop what was executed: the mission has been cleared."""
         self.state = MissionState.STOPPED
+        self.reset()
+        self.pilot.loiter()
+
+    def reset(self) -> None:
+        """Go back to the beginning of the mission."""
         self.current = self._resume_from = 0
         self._command = None
-        self._do = None
-        self.pilot.loiter()
+        self._do, self._do_next = None, 0
+        self._jumps.clear()
 
     def notice_change(self) -> None:
         """Restart the present item where it, or one of the two after it, has been rewritten."""
@@ -200,8 +251,8 @@ class MissionExecution:
         elif behave == 1:
             self.pilot.loiter()
         else:
+            self.pilot.loiter()
             self.pilot.submode = SubMode.STOP
-            self.pilot.leg = None
 
     def _start(self, seq: int) -> bool:
         """Start a navigation command; False where this vehicle does not execute it."""
@@ -210,6 +261,7 @@ class MissionExecution:
         self.pilot.arrived_s = None
         self._since_s = self.pilot.time_s
         command = item.command
+        self._announce(seq, item)
         here = (self.pilot.boat.lat, self.pilot.boat.lon)
         if command in (16, 17, 19):
             # An item without a position means: here.
@@ -228,7 +280,6 @@ class MissionExecution:
             self.pilot.loiter()
             self.pilot.say(INFO, f"Delaying {int(item.param1)} sec")
         else:
-            self.pilot.say(WARNING, f"Skipping invalid cmd #{command}")
             return False
         return True
 
@@ -249,12 +300,19 @@ class MissionExecution:
         return (item.x * 1e-7, item.y * 1e-7) if item.x or item.y else end
 
     def verify(self) -> None:
-        """Look whether the present commands are done, and go on."""
-        self._run_do()
-        if self._command is None or not self._navigation_done(self._command):
-            return
-        self.pilot.events.append(("reached", self.current, ""))
-        self._advance(self.current + 1)
+        """Look whether the present commands are done, and go on.
+
+        One number at most is told as reached: where a command that is done at once follows a
+        waypoint, the waypoint's own number is never sent.
+        """
+        reached: int | None = None
+        if self._command is not None and self._navigation_done(self._command):
+            reached = self.current
+            self._advance(self.current + 1)
+        done = self._run_do()
+        reached = reached if done is None else done
+        if reached is not None:
+            self.pilot.events.append(("reached", reached, ""))
 
     def _navigation_done(self, item: Item) -> bool:
         command = item.command
@@ -299,12 +357,16 @@ class MissionExecution:
             turned = math.remainder(math.atan2(east, north) - bearing, 2.0 * math.pi)
             self._circled_rad += max(0.0, way * turned)
 
+    def _announce(self, seq: int, item: Item) -> None:
+        self.pilot.say(INFO, f"Mission: {seq} {NAMES.get(item.command, '?')}")
+
     # --- do commands ---
 
     def _begin_do(self, seq: int, item: Item) -> None:
         self._do, self._do_next = (seq, item), seq + 1
         self._do_since_s = self.pilot.time_s
         command = item.command
+        self._announce(seq, item)
         if command == mavlink.MAV_CMD_DO_CHANGE_SPEED:
             if self.pilot.set_speed(item.param2):
                 self.pilot.say(INFO, f"speed: {item.param2:.1f} m/s")
@@ -313,25 +375,27 @@ class MissionExecution:
                 self.pilot.set_home_here()
             else:
                 self.pilot.set_home(item.x * 1e-7, item.y * 1e-7)
+        elif command == mavlink.MAV_CMD_DO_SET_CAM_TRIGG_DIST:
+            self.pilot.camera.trigger_every(item.param1, now=item.param3 == 1)
         elif command == mavlink.MAV_CMD_DO_FENCE_ENABLE:
             self.pilot.parameters.put("FENCE_ENABLE", 1.0 if item.param1 == 1 else 0.0)
 
-    def _run_do(self) -> None:
-        """Go on with the do commands between the present and the next navigation command."""
+    def _run_do(self) -> int | None:
+        """Go on with the do commands before the next waypoint; return the number of a done one."""
         if self._do is None:
-            return
+            following, self._do_next = self._do_next, 0
+            if 0 < following < self.pilot.mission.count():
+                item = self.pilot.mission.items[following]
+                if not is_navigation(item.command) and item.command != mavlink.MAV_CMD_DO_JUMP:
+                    self._begin_do(following, item)
+            return None
         seq, item = self._do
         if item.command == mavlink.MAV_CMD_CONDITION_DELAY:
             if self.pilot.time_s - self._do_since_s <= item.param1:
-                return
+                return None
         elif item.command == mavlink.MAV_CMD_CONDITION_DISTANCE and (
             self.pilot.leg is None or self.pilot.wp_distance_m >= item.param1
         ):
-            return
-        self.pilot.events.append(("reached", seq, ""))
+            return None
         self._do = None
-        following = self._do_next
-        if 0 < following < self.pilot.mission.count():
-            item = self.pilot.mission.items[following]
-            if not is_navigation(item.command) and item.command != mavlink.MAV_CMD_DO_JUMP:
-                self._begin_do(following, item)
+        return seq

@@ -3,7 +3,8 @@
 The model is kinematic. The boat steers for a point some metres ahead on the line between two
 waypoints, turns no faster than a given rate, brakes before a corner down to a share of its speed
 that depends on the corner's angle, and takes the next leg once it is within the acceptance radius.
-There is no wind, current, wave, inertia sideways or throttle curve.
+Speed and heading are those through the water; a current carries the boat along, and the boat points
+up into it to stay on its leg. There is no wind, wave, inertia sideways or throttle curve.
 """
 
 from __future__ import annotations
@@ -13,6 +14,8 @@ from dataclasses import dataclass
 
 METRES_PER_DEGREE = 111_319.490793
 """ArduPilot's own figure: metres per degree of latitude."""
+STILL_M_S = 0.005
+"""A boat that coasts more slowly than this lies still."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,6 +37,11 @@ class Kinematics:
         Distance to the aiming point on the leg, in seconds of travel.
     slowest_share : float
         Share of the cruising speed that is kept in the sharpest corner.
+    drag_per_m : float
+        Drag of the hull without thrust: speed falls by this times its square per second. 0.25 is
+        ArduPilot's simulated motorboat (half the square of the speed, in newtons, on 2 kg).
+    turn_radius_m : float
+        Of the tightest turn: how fast a slow boat turns.
     """
 
     accel_m_s2: float = 0.7
@@ -42,6 +50,8 @@ class Kinematics:
     turn_gain: float = 2.0
     lookahead_s: float = 1.0
     slowest_share: float = 0.12
+    drag_per_m: float = 0.25
+    turn_radius_m: float = 0.9
 
 
 def offset_m(lat: float, lon: float, to_lat: float, to_lon: float) -> tuple[float, float]:
@@ -80,7 +90,7 @@ class Boat:
         Clockwise from north.
     """
 
-    __slots__ = ("heading_rad", "lat", "limits", "lon", "speed_m_s", "turn_rad_s")
+    __slots__ = ("current_m_s", "heading_rad", "lat", "limits", "lon", "speed_m_s", "turn_rad_s")
 
     def __init__(
         self, lat: float, lon: float, heading_rad: float, limits: Kinematics | None = None
@@ -89,35 +99,87 @@ class Boat:
         self.lon = lon
         self.heading_rad = heading_rad
         self.speed_m_s = 0.0
+        """Through the water; negative is astern."""
         self.turn_rad_s = 0.0
+        self.current_m_s = (0.0, 0.0)
+        """Where the water goes: east, north."""
         self.limits = limits or Kinematics()
+
+    @property
+    def velocity_m_s(self) -> tuple[float, float]:
+        """Velocity over ground: east, north."""
+        return (
+            self.speed_m_s * math.sin(self.heading_rad) + self.current_m_s[0],
+            self.speed_m_s * math.cos(self.heading_rad) + self.current_m_s[1],
+        )
+
+    @property
+    def alt_m(self) -> float:
+        """Height above home."""
+        return 0.0
+
+    @property
+    def climb_m_s(self) -> float:
+        """Upward speed."""
+        return 0.0
+
+    @property
+    def ahead_m_s(self) -> float:
+        """Speed over ground in the direction of the bow."""
+        return self.speed_m_s + self.carried_m_s
+
+    @property
+    def carried_m_s(self) -> float:
+        """What of the current goes in the direction of the bow."""
+        east, north = self.current_m_s
+        return east * math.sin(self.heading_rad) + north * math.cos(self.heading_rad)
 
     def advance(self, dt_s: float, heading_rad: float, speed_m_s: float) -> None:
         """Move for `dt_s`, turning to a heading and changing to a speed within the limits."""
         limits = self.limits
         error = wrapped(heading_rad - self.heading_rad)
-        if speed_m_s <= 0.0 and self.speed_m_s <= 0.0:
+        if speed_m_s == 0.0 and self.speed_m_s == 0.0:
             self.turn_rad_s = 0.0
+            self._drift(dt_s, 0.0, self.heading_rad)
             return
-        most = math.radians(limits.turn_rate_deg_s)
+        before = self.speed_m_s
+        change = speed_m_s - before
+        slower = abs(speed_m_s) < abs(before)
+        rate_m_s2 = limits.decel_m_s2 if slower else limits.accel_m_s2
+        self.speed_m_s += max(-rate_m_s2 * dt_s, min(rate_m_s2 * dt_s, change))
+        way = 0.5 * (before + self.speed_m_s) * dt_s
+        # A rudder needs water that flows past it.
+        most = min(math.radians(limits.turn_rate_deg_s), abs(way) / dt_s / limits.turn_radius_m)
         rate = max(-most, min(most, limits.turn_gain * error))
         if abs(rate * dt_s) > abs(error):
             rate = error / dt_s
         self.turn_rad_s = rate
-        change = speed_m_s - self.speed_m_s
-        before = self.speed_m_s
-        self.speed_m_s += max(-limits.decel_m_s2 * dt_s, min(limits.accel_m_s2 * dt_s, change))
-        way = 0.5 * (before + self.speed_m_s) * dt_s
         middle = self.heading_rad + 0.5 * rate * dt_s
         self.heading_rad = (self.heading_rad + rate * dt_s) % (2.0 * math.pi)
-        if way:
-            self.lat, self.lon = moved(
-                self.lat, self.lon, way * math.sin(middle), way * math.cos(middle)
-            )
+        self._drift(dt_s, way, middle)
+
+    def make_good(self, dt_s: float, east_m_s: float, north_m_s: float) -> None:
+        """Move for `dt_s` towards a velocity over ground, pointing up into the current."""
+        east, north = east_m_s - self.current_m_s[0], north_m_s - self.current_m_s[1]
+        self.advance(dt_s, math.atan2(east, north), math.hypot(east, north))
 
     def stop(self, dt_s: float) -> None:
-        """Brake on the present heading."""
-        self.advance(dt_s, self.heading_rad, 0.0)
+        """Brake on the present heading until nothing goes past the bow or the stern."""
+        self.advance(dt_s, self.heading_rad, -self.carried_m_s)
+
+    def coast(self, dt_s: float) -> None:
+        """Let go: no thrust, rudder amidships; the hull's drag slows the boat."""
+        fade = 1.0 + self.limits.drag_per_m * abs(self.speed_m_s) * dt_s
+        way = math.copysign(math.log(fade) / self.limits.drag_per_m, self.speed_m_s)
+        self.speed_m_s = 0.0 if abs(self.speed_m_s) < STILL_M_S else self.speed_m_s / fade
+        self.turn_rad_s = 0.0
+        self._drift(dt_s, way if self.speed_m_s else 0.0, self.heading_rad)
+
+    def _drift(self, dt_s: float, way_m: float, heading_rad: float) -> None:
+        east = way_m * math.sin(heading_rad) + self.current_m_s[0] * dt_s
+        north = way_m * math.cos(heading_rad) + self.current_m_s[1] * dt_s
+        if east or north:
+            self.lat, self.lon = moved(self.lat, self.lon, east, north)
 
 
 class Leg:
@@ -187,4 +249,5 @@ class Leg:
             math.sqrt((kept * speed_m_s) ** 2 + 2.0 * limits.decel_m_s2 * room),
             speed_m_s * corner_share(error, limits.slowest_share),
         )
-        boat.advance(dt_s, heading, max(wanted, 0.05))
+        wanted = max(wanted, 0.05)
+        boat.make_good(dt_s, wanted * math.sin(heading), wanted * math.cos(heading))

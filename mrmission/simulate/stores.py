@@ -83,13 +83,14 @@ class MissionStore:
         self.items: list[Item] = []
         self.home = Item(16, 0, 0.0, 0.0, 0.0, 0.0, 0, 0, 0.0)
         self.revision = 0
+        self.has_room: Callable[[], bool] = lambda: True
         self.may_clear: Callable[[], bool] = lambda: True
         self.on_clear: Callable[[], None] = lambda: None
 
     @property
     def capacity(self) -> int:
         """Items that an upload may announce."""
-        return self._capacity
+        return self._capacity if self.has_room() else 0
 
     def count(self) -> int:
         """Return the number of items (of a fence under way: as announced)."""

@@ -6,7 +6,8 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from mrmission.simulate.autopilot import NAVIGATING, Mode
+from mrmission.simulate.autopilot import Mode
+from mrmission.simulate.copter import CopterPilot, Stage
 from mrmission.simulate.motion import offset_m
 from mrmission.simulate.wire import Message, mavlink
 
@@ -25,6 +26,13 @@ CAPABILITIES = (
     | mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_RALLY
     | mavlink.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_GLOBAL_INT
 )
+LANDED_STATES = {
+    Stage.LANDED: mavlink.MAV_LANDED_STATE_ON_GROUND,
+    Stage.TAKEOFF: mavlink.MAV_LANDED_STATE_TAKEOFF,
+    Stage.ROUTE: mavlink.MAV_LANDED_STATE_IN_AIR,
+    Stage.HOVER: mavlink.MAV_LANDED_STATE_IN_AIR,
+    Stage.LAND: mavlink.MAV_LANDED_STATE_LANDING,
+}
 STREAMS: dict[int, float] = {
     mavlink.MAVLINK_MSG_ID_HEARTBEAT: 1.0,
     mavlink.MAVLINK_MSG_ID_SYS_STATUS: 1.0,
@@ -62,15 +70,21 @@ def heartbeat(vehicle: SimVehicle) -> Message:
     base = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
     if pilot.mode is Mode.MANUAL:
         base |= mavlink.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED
-    if pilot.mode in NAVIGATING:
+    if pilot.mode in pilot.navigating_modes:
         base |= mavlink.MAV_MODE_FLAG_GUIDED_ENABLED
     if pilot.armed:
         base |= mavlink.MAV_MODE_FLAG_SAFETY_ARMED
     standby = pilot.mode is Mode.HOLD
-    return mavlink.MAVLink_heartbeat_message(
+    kind = (
         mavlink.MAV_TYPE_SURFACE_BOAT
         if vehicle.parameters["FRAME_CLASS"] == 2
-        else mavlink.MAV_TYPE_GROUND_ROVER,
+        else mavlink.MAV_TYPE_GROUND_ROVER
+    )
+    if isinstance(pilot, CopterPilot):
+        standby, kind = not pilot.flying, mavlink.MAV_TYPE_QUADROTOR
+        base |= mavlink.MAV_MODE_FLAG_STABILIZE_ENABLED | mavlink.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED
+    return mavlink.MAVLink_heartbeat_message(
+        kind,
         mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA,
         base,
         int(pilot.mode),
@@ -98,12 +112,24 @@ def sys_status(vehicle: SimVehicle) -> Message:
 
 
 def velocity(vehicle: SimVehicle) -> tuple[float, float]:
-    """Return ``(north_m_s, east_m_s)``."""
+    """Return ``(north_m_s, east_m_s)`` over ground."""
+    east, north = vehicle.boat.velocity_m_s
+    return north, east
+
+
+def ground_speed_m_s(vehicle: SimVehicle) -> float:
+    """Return the speed over ground."""
+    return math.hypot(*vehicle.boat.velocity_m_s)
+
+
+def camera_feedback(vehicle: SimVehicle, number: int) -> Message:
+    """Build CAMERA_FEEDBACK for picture `number`."""
     boat = vehicle.boat
-    return (
-        boat.speed_m_s * math.cos(boat.heading_rad),
-        boat.speed_m_s * math.sin(boat.heading_rad),
-    )
+    heading = math.degrees(math.remainder(boat.heading_rad, 2.0 * math.pi))
+    return mavlink.MAVLink_camera_feedback_message(
+        boot_ms(vehicle) * 1000, 0, 1, number, round(boat.lat * 1e7), round(boat.lon * 1e7),
+        0.0, 0.0, 0.0, 0.0, heading, 0.0, mavlink.CAMERA_FEEDBACK_PHOTO, number,
+    )  # fmt: skip
 
 
 def gps_raw_int(vehicle: SimVehicle) -> Message:
@@ -118,7 +144,7 @@ def gps_raw_int(vehicle: SimVehicle) -> Message:
         0,
         80 if fixed else 65535,
         120 if fixed else 65535,
-        round(boat.speed_m_s * 100),
+        round(ground_speed_m_s(vehicle) * 100),
         round(math.degrees(boat.heading_rad) * 100) % 36000,
         14 if fixed else 0,
     )
@@ -134,11 +160,11 @@ def global_position_int(vehicle: SimVehicle) -> Message | None:
         boot_ms(vehicle),
         round(boat.lat * 1e7),
         round(boat.lon * 1e7),
-        0,
-        0,
+        round(boat.alt_m * 1000),
+        round(boat.alt_m * 1000),
         round(north * 100),
         round(east * 100),
-        0,
+        round(-boat.climb_m_s * 100),
         round(math.degrees(boat.heading_rad) * 100) % 36000,
     )
 
@@ -150,8 +176,9 @@ def local_position_ned(vehicle: SimVehicle) -> Message | None:
     east, north = offset_m(*vehicle.origin, vehicle.boat.lat, vehicle.boat.lon)
     v_north, v_east = velocity(vehicle)
     return mavlink.MAVLink_local_position_ned_message(
-        boot_ms(vehicle), north, east, 0.0, v_north, v_east, 0.0
-    )
+        boot_ms(vehicle), north, east, -vehicle.boat.alt_m,
+        v_north, v_east, -vehicle.boat.climb_m_s,
+    )  # fmt: skip
 
 
 def attitude(vehicle: SimVehicle) -> Message:
@@ -165,10 +192,16 @@ def attitude(vehicle: SimVehicle) -> Message:
 def vfr_hud(vehicle: SimVehicle) -> Message:
     """Build VFR_HUD."""
     boat = vehicle.boat
-    cruise = max(vehicle.parameters["WP_SPEED"], 0.1)
-    throttle = min(100, round(50 * boat.speed_m_s / cruise)) if vehicle.autopilot.armed else 0
+    cruise = max(vehicle.autopilot.speed_m_s, 0.1)
+    share = abs(boat.speed_m_s) / cruise
+    throttle = min(100, round(50 * share)) if vehicle.autopilot.armed else 0
     return mavlink.MAVLink_vfr_hud_message(
-        0.0, boat.speed_m_s, round(math.degrees(boat.heading_rad)) % 360, throttle, 0.0, 0.0
+        0.0,
+        ground_speed_m_s(vehicle),
+        round(math.degrees(boat.heading_rad)) % 360,
+        throttle,
+        boat.alt_m,
+        boat.climb_m_s,
     )
 
 
@@ -180,14 +213,14 @@ def mission_current(vehicle: SimVehicle, seq: int | None = None) -> Message:
         pilot.current if seq is None else seq,
         max(0, count - 1),
         mavlink.MISSION_STATE_NO_MISSION if count < 2 else int(pilot.state),
-        1 if pilot.mode is Mode.AUTO else 0,
+        1 if pilot.mode is pilot.modes["AUTO"] else 0,
     )
 
 
 def nav_controller_output(vehicle: SimVehicle) -> Message | None:
     """Build NAV_CONTROLLER_OUTPUT, None in modes that steer for nothing."""
     pilot = vehicle.autopilot
-    if pilot.mode not in NAVIGATING:
+    if pilot.mode not in pilot.navigating_modes:
         return None
     heading = round(math.degrees(vehicle.boat.heading_rad))
     target = pilot.target
@@ -221,9 +254,11 @@ def system_time(vehicle: SimVehicle) -> Message:
 
 def extended_sys_state(vehicle: SimVehicle) -> Message:
     """Build EXTENDED_SYS_STATE."""
-    return mavlink.MAVLink_extended_sys_state_message(
-        mavlink.MAV_VTOL_STATE_UNDEFINED, mavlink.MAV_LANDED_STATE_ON_GROUND
-    )
+    pilot = vehicle.autopilot
+    landed = mavlink.MAV_LANDED_STATE_ON_GROUND
+    if isinstance(pilot, CopterPilot):
+        landed = LANDED_STATES[pilot.stage] if pilot.flying else landed
+    return mavlink.MAVLink_extended_sys_state_message(mavlink.MAV_VTOL_STATE_UNDEFINED, landed)
 
 
 def home_position(vehicle: SimVehicle) -> Message | None:

@@ -24,6 +24,8 @@ from mrmission.simulate.transfer import Outbound, Peer, Transfer
 from mrmission.simulate.wire import AUTOPILOT_COMPONENT, Message, mavlink
 
 PARAMETERS_PER_STEP = 20
+TEXT_BYTES = 50
+"""Length of a status text; longer ones are sent in pieces."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,7 +45,9 @@ class VehicleSetup:
     parameters : mapping of str to float
         Parameter values that differ from ArduPilot's defaults.
     ready_s : float
-        Time on the water until the position is good enough to arm (a real boat: 20 to 45 s).
+        Time on the water until the boat can navigate (ArduPilot in SITL: 42 s). It has a position
+        after a quarter of it, can be armed in HOLD after half of it, and has no room for a mission
+        in its first four seconds.
     kinematics : Kinematics
         How it moves.
     """
@@ -77,6 +81,7 @@ class SimVehicle:
         self.now_s: float | None = None
         self._out: list[Outbound] = []
         self._listing: dict[Hashable, int] = {}
+        self._long_texts = 0
         self.parameters = Parameters({**setup.parameters, "SYSID_THISMAV": setup.system_id})
         self.mission = MissionStore(self._say, int(self.parameters["BRD_SD_MISSION"]))
         self.fence = FenceStore(self._say, int(self.parameters["BRD_SD_FENCE"]))
@@ -172,7 +177,14 @@ class SimVehicle:
         self._out.append(Outbound(link, message))
 
     def _say(self, severity: int, text: str) -> None:
-        self.send(mavlink.MAVLink_statustext_message(severity, text.encode("ascii")[:50]))
+        """Send a status text, a long one in numbered pieces."""
+        data = text.encode("ascii")
+        pieces = [data[i : i + TEXT_BYTES] for i in range(0, len(data), TEXT_BYTES)]
+        if len(pieces) > 1:
+            self._long_texts = self._long_texts % 0xFFFF + 1
+        number = self._long_texts if len(pieces) > 1 else 0
+        for index, piece in enumerate(pieces):
+            self.send(mavlink.MAVLink_statustext_message(severity, piece, number, index))
 
     def _collect(self) -> None:
         """Turn the autopilot's events into messages."""
@@ -185,6 +197,8 @@ class SimVehicle:
                 self._say(number, text)
             elif kind == "reached":
                 self.send(mavlink.MAVLink_mission_item_reached_message(number))
+            elif kind == "shot":
+                self.send(telemetry.camera_feedback(self, number))
             elif kind == "mode":
                 self.send(telemetry.heartbeat(self))
             elif kind == "home" and self.now_s is not None:

@@ -53,6 +53,7 @@ def test_it_starts_disarmed_in_its_initial_mode(trial_of: TrialOf) -> None:
 
 def test_from_manual_a_station_gets_it_into_hold_only(trial_of: TrialOf) -> None:
     trial = trial_of(cold=True, INITIAL_MODE=0)
+    trial.wait(6.0)
     assert trial.upload([HOME, waypoint(50, 0)]) == 0
     for mode in (AUTO, LOITER, GUIDED, RTL):
         assert trial.change_mode(mode) == FAILED
