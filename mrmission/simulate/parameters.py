@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 INT8, INT16, INT32, REAL32 = 2, 4, 6, 9
 """MAV_PARAM_TYPE values."""
@@ -154,11 +154,17 @@ class Parameters:
     ----------
     changed : mapping of str to float
         Values that differ from the defaults; a name that is not in the table is added (REAL32).
+    table : sequence of (name, type, default)
+        All parameters of the vehicle; a boat's where not given.
     """
 
-    def __init__(self, changed: Mapping[str, float] | None = None) -> None:
-        self._type = {name: kind for name, kind, _ in _TABLE}
-        self._value = {name: float(value) for name, _, value in _TABLE}
+    def __init__(
+        self,
+        changed: Mapping[str, float] | None = None,
+        table: Sequence[tuple[str, int, float]] = _TABLE,
+    ) -> None:
+        self._type = {name: kind for name, kind, _ in table}
+        self._value = {name: float(value) for name, _, value in table}
         for name, value in (changed or {}).items():
             self._type.setdefault(name, REAL32)
             self._value[name] = self._fitted(name, value)

@@ -75,11 +75,9 @@ class MissionStore:
     mission_type = mavlink.MAV_MISSION_TYPE_MISSION
     timeout_text = "Mission upload timeout"
 
-    def __init__(self, say: Say, sd_card_kb: int = 0) -> None:
+    def __init__(self, say: Say, sd_card_kb: int = 0, room: int = MISSION_ITEMS) -> None:
         self._say = say
-        self._capacity = (
-            (sd_card_kb * 1024 - 4) // MISSION_RECORD_BYTES if sd_card_kb > 0 else MISSION_ITEMS
-        )
+        self._capacity = (sd_card_kb * 1024 - 4) // MISSION_RECORD_BYTES if sd_card_kb > 0 else room
         self.items: list[Item] = []
         self.home = Item(16, 0, 0.0, 0.0, 0.0, 0.0, 0, 0, 0.0)
         self.revision = 0
@@ -151,9 +149,9 @@ class FenceStore:
     mission_type = mavlink.MAV_MISSION_TYPE_FENCE
     timeout_text = "Fence upload timeout"
 
-    def __init__(self, say: Say, sd_card_kb: int = 0) -> None:
+    def __init__(self, say: Say, sd_card_kb: int = 0, room_bytes: int = FENCE_BYTES) -> None:
         self._say = say
-        self._size_bytes = sd_card_kb * 1024 if sd_card_kb > 0 else FENCE_BYTES
+        self._size_bytes = sd_card_kb * 1024 if sd_card_kb > 0 else room_bytes
         self.items: list[Item] = []
         self._new: list[Item | None] | None = None
         self.revision = 0
@@ -220,10 +218,10 @@ class RallyStore:
 
     mission_type = mavlink.MAV_MISSION_TYPE_RALLY
     timeout_text = "Rally upload timeout"
-    capacity = RALLY_POINTS
 
-    def __init__(self) -> None:
+    def __init__(self, room: int = RALLY_POINTS) -> None:
         self.items: list[Item] = []
+        self.capacity = room
 
     def count(self) -> int:
         """Return the number of items (of a fence under way: as announced)."""

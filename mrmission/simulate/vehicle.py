@@ -12,18 +12,27 @@ import math
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, field
 
-from mrmission.simulate import telemetry
+from mrmission.simulate import copter_parameters, telemetry
 from mrmission.simulate.autopilot import Autopilot
 from mrmission.simulate.commands import COMMANDS
+from mrmission.simulate.copter import CopterPilot
+from mrmission.simulate.copter_motion import Rotorcraft
 from mrmission.simulate.motion import Boat, Kinematics
 from mrmission.simulate.parameters import Parameters
-from mrmission.simulate.storage import Item
+from mrmission.simulate.storage import (
+    COPTER_FENCE_BYTES,
+    COPTER_MISSION_ITEMS,
+    COPTER_RALLY_POINTS,
+    Item,
+)
 from mrmission.simulate.stores import FenceStore, MissionStore, RallyStore
 from mrmission.simulate.streams import Streams
 from mrmission.simulate.transfer import Outbound, Peer, Transfer
 from mrmission.simulate.wire import AUTOPILOT_COMPONENT, Message, mavlink
 
 PARAMETERS_PER_STEP = 20
+ROVER_PARAMETERS: Mapping[str, float] = {"FRAME_CLASS": 1, "MIS_DONE_BEHAVE": 0}
+"""What a car differs in from a boat."""
 TEXT_BYTES = 50
 """Length of a status text; longer ones are sent in pieces."""
 
@@ -34,6 +43,8 @@ class VehicleSetup:
 
     Parameters
     ----------
+    kind : str
+        "boat", "rover" or "copter".
     system_id : int
         MAVLink system id, 1 to 255.
     lon, lat : float
@@ -52,6 +63,7 @@ class VehicleSetup:
         How it moves.
     """
 
+    kind: str = "boat"
     system_id: int = 1
     lon: float = 0.0
     lat: float = 0.0
@@ -82,11 +94,23 @@ class SimVehicle:
         self._out: list[Outbound] = []
         self._listing: dict[Hashable, int] = {}
         self._long_texts = 0
-        self.parameters = Parameters({**setup.parameters, "SYSID_THISMAV": setup.system_id})
-        self.mission = MissionStore(self._say, int(self.parameters["BRD_SD_MISSION"]))
-        self.fence = FenceStore(self._say, int(self.parameters["BRD_SD_FENCE"]))
-        self.rally = RallyStore()
-        self.boat = Boat(setup.lat, setup.lon, math.radians(setup.heading_deg), setup.kinematics)
+        changed = {**setup.parameters, "SYSID_THISMAV": setup.system_id}
+        sd_kb = changed.get("BRD_SD_MISSION", 0), changed.get("BRD_SD_FENCE", 0)
+        heading_rad = math.radians(setup.heading_deg)
+        self.boat: Boat
+        if setup.kind == "copter":
+            self.parameters = Parameters(changed, copter_parameters.TABLE)
+            self.mission = MissionStore(self._say, int(sd_kb[0]), COPTER_MISSION_ITEMS)
+            self.fence = FenceStore(self._say, int(sd_kb[1]), COPTER_FENCE_BYTES)
+            self.rally = RallyStore(COPTER_RALLY_POINTS)
+            self.boat = Rotorcraft(setup.lat, setup.lon, heading_rad)
+        else:
+            usual = ROVER_PARAMETERS if setup.kind == "rover" else {}
+            self.parameters = Parameters({**usual, **changed})
+            self.mission = MissionStore(self._say, int(sd_kb[0]))
+            self.fence = FenceStore(self._say, int(sd_kb[1]))
+            self.rally = RallyStore()
+            self.boat = Boat(setup.lat, setup.lon, heading_rad, setup.kinematics)
         self.autopilot = self._boot()
         self.origin = (setup.lat, setup.lon)
         self.transfers = {
@@ -162,9 +186,10 @@ class SimVehicle:
         self.autopilot = self._boot()
 
     def _boot(self) -> Autopilot:
-        return Autopilot(
-            self.boat, self.parameters, self.mission, self.fence, self.rally, self.setup.ready_s
-        )
+        held = (self.parameters, self.mission, self.fence, self.rally, self.setup.ready_s)
+        if isinstance(self.boat, Rotorcraft):
+            return CopterPilot(self.boat, *held)
+        return Autopilot(self.boat, *held)
 
     # --- sending ---
 
