@@ -1,0 +1,1 @@
+"""The calibration experiment: courses that are sailed to measure what corners cost."""
