@@ -13,9 +13,8 @@ from mrmission.simulate.autopilot import FENCE_CHECK_S, FIXED_SHARE, GIVE_UP_FEN
 from mrmission.simulate.copter_mission import CopterExecution
 from mrmission.simulate.copter_motion import FlightLimits, Rotorcraft, Route, Vector
 from mrmission.simulate.execution import SubMode
-from mrmission.simulate.motion import moved, offset_m, wrapped
+from mrmission.simulate.motion import moved, offset_m
 from mrmission.simulate.parameters import Parameters
-from mrmission.simulate.storage import Item
 from mrmission.simulate.stores import FenceStore, MissionStore, RallyStore
 from mrmission.simulate.wire import mavlink
 
@@ -102,6 +101,7 @@ class CopterPilot(Autopilot):
     modes = CopterMode
     navigating_modes = NAVIGATING
     fallback_mode = CopterMode.STABILIZE
+    execution: CopterExecution
 
     def __init__(
         self,
@@ -458,7 +458,7 @@ class CopterPilot(Autopilot):
         if self._homeward is None and math.hypot(bx - ax, by - ay) > HEADED_LEG_M:
             self.copter.turn(math.atan2(bx - ax, by - ay), dt_s, YAW_RATE_RAD_S)
         else:
-            self.copter.turn_rad_s = wrapped(0.0)
+            self.copter.turn_rad_s = 0.0
 
     def _brake(self, dt_s: float) -> None:
         east, north, up = self.copter.east_m_s, self.copter.north_m_s, self.copter.climb_m_s

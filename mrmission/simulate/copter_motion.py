@@ -243,7 +243,7 @@ class Route:
         turn_out_s = leg.ramp.ramp_s + leg.ramp.cruise_s
         if leg.elapsed_s < turn_out_s - after.ramp.ramp_s:
             return False
-        way, speed, _ = leg.ramp.at(leg.elapsed_s)
+        way = leg.ramp.at(leg.elapsed_s)[0]
         if way < 0.5 * leg.ramp.length_m or leg.left_s >= 0.5 * after.ramp.whole_s:
             return False
         half_s = 0.5 * leg.left_s
@@ -281,6 +281,10 @@ class Rotorcraft(Boat):
     """Position, height, heading and velocity of one copter."""
 
     __slots__ = ("alt_m", "climb_m_s", "east_m_s", "north_m_s")
+    alt_m: float
+    climb_m_s: float
+    east_m_s: float
+    north_m_s: float
 
     def __init__(self, lat: float, lon: float, heading_rad: float) -> None:
         super().__init__(lat, lon, heading_rad)

@@ -1,7 +1,7 @@
 """The parameters of a simulated copter: names, types and defaults of ArduPilot Copter.
 
-As for the boat, only what a ground station or mrmission asks for is there; speeds and heights are in
-centimetres, as ArduCopter 4.7 has them.
+As for the boat, only what a ground station or mrmission asks for is there; speeds and heights are
+in centimetres, as ArduCopter 4.7 has them.
 """
 
 from __future__ import annotations
