@@ -18,7 +18,7 @@ from mrmission.model import FloatArray, read_only
 
 ANGLES_DEG = (30.0, 45.0, 58.0, 65.0, 90.0, 115.0, 135.0, 160.0, 180.0)
 """58 and 65 lie on both sides of the angle (60°) from which ArduRover pivots where it can."""
-SPACINGS_M = (3.0, 5.0, 7.0, 10.0, 15.0, 20.0, 30.0)
+SPACINGS_M = (3.0, 5.0, 7.0, 10.0, 20.0)
 SLANT_DEG = 60.0
 """A lane turn along a slanted shore is a corner of this and one of the rest of 180."""
 BEND_DEG = 20.0

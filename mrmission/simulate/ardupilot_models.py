@@ -51,10 +51,16 @@ MODELS: Mapping[str, Model] = {
         files=("common.parm", "boat.parm", "skid.parm"),
         astern_m=8.0,
     ),
+    "pivoting": Model(
+        vehicle="boat",
+        frame="rover-skid",
+        files=("common.parm", "boat.parm", "skid.parm", "pivot.parm"),
+    ),
     "rover": Model(vehicle="rover", frame="rover", files=("common.parm", "rover.parm")),
     "quad": Model(vehicle="copter", frame="quad", files=("common.parm", "copter.parm")),
 }
-"""By the name that ``--model`` takes: a steered boat, one that pivots, a car, a copter."""
+"""By the name that ``--model`` takes: a steered boat, one that turns on the spot as slowly as its way
+through the water lets it, one that does so at PIVOT_RATE, a car, a copter."""
 
 
 def parameter_file(name: str) -> Path:

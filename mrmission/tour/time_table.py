@@ -1,7 +1,7 @@
 """What corners cost a vehicle, as measured: the table that `mrmission calibrate` writes.
 
-A row is one steering type at one speed and one WP_RADIUS. The rows of a steering type fill a grid of
-speeds and radii; the time model interpolates between them.
+A row is one steering type at one speed and one WP_RADIUS. The rows of a steering type fill a grid
+of speeds and radii; the time model interpolates between them.
 """
 
 from __future__ import annotations
