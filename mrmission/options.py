@@ -24,7 +24,8 @@ class VehicleLimits:
     """What an autopilot can hold (defaults: ArduPilot Rover without an SD card).
 
     ``fence_bytes`` is for polygons: of the store's 672 bytes, 4 are a header and 1 ends it. A
-    fence of 668 bytes was seen to bring ArduRover down instead of being refused.
+    fence of 668 bytes was seen to bring ArduRover down instead of being refused. ArduCopter has the
+    same memory and keeps more of it for parameters, see :meth:`of`.
     """
 
     mission_items: int = 655
@@ -32,9 +33,20 @@ class VehicleLimits:
     fence_polygon_points: int = 83
     rally_points: int = 50
 
+    @classmethod
+    def of(cls, vehicle: str) -> VehicleLimits:
+        """Return what a boat, rover or copter holds without an SD card."""
+        if vehicle != "copter":
+            return cls()
+        return cls(mission_items=650, fence_bytes=555, fence_polygon_points=69, rally_points=46)
+
     def fence_bytes_of(self, points: int) -> int:
         """Bytes that one polygon of `points` points takes in the fence store."""
         return 8 * points + 2
+
+
+BOARD = VehicleLimits()
+"""The limits of a plan for which none were given: those of its kind of vehicle."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,11 +78,14 @@ class PlanOptions:
     fence: bool = True
     fence_margin_m: float = 2.0
     part: int | None = None
-    limits: VehicleLimits = VehicleLimits()
+    limits: VehicleLimits = BOARD
     seed: int = 0
     time_budget_s: float = 5.0
 
     def __post_init__(self) -> None:
+        if self.limits is BOARD:
+            object.__setattr__(self, "limits", VehicleLimits.of(self.vehicle))
+
         def check(ok: bool, flag: str, value: object, rule: str) -> None:
             if not ok:
                 raise ConfigError(f"{flag} {value}: must be {rule}")

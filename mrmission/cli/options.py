@@ -21,6 +21,7 @@ from mrmission.options import (
 
 F = TypeVar("F", bound=Callable[..., Any])
 DEFAULT = PlanOptions()
+COPTER = VehicleLimits.of("copter")
 
 
 class LonLat(click.ParamType[tuple[float, float]]):
@@ -179,16 +180,16 @@ _PLAN = [
     click.option(
         "--max-items",
         type=int,
-        default=DEFAULT.limits.mission_items,
-        show_default=True,
-        help="Mission items that a vehicle holds, home included.",
+        default=None,
+        help="Mission items that a vehicle holds, home included.  [default: "
+        f"{DEFAULT.limits.mission_items}; copters {COPTER.mission_items}]",
     ),
     click.option(
         "--fence-bytes",
         type=int,
-        default=DEFAULT.limits.fence_bytes,
-        show_default=True,
-        help="Fence store of a vehicle: 8n + 2 bytes for a polygon of n points.",
+        default=None,
+        help="Fence store of a vehicle: 8n + 2 bytes for a polygon of n points.  [default: "
+        f"{DEFAULT.limits.fence_bytes}; copters {COPTER.fence_bytes}]",
     ),
     click.option(
         "--time-budget",
@@ -233,7 +234,10 @@ def build_options(**flags: Any) -> PlanOptions:
     """
     if flags["transit_speed_m_s"] is None:
         flags["transit_speed_m_s"] = flags["survey_speed_m_s"]
+    usual = VehicleLimits.of(flags["vehicle"])
     max_items, fence_bytes = flags.pop("max_items"), flags.pop("fence_bytes")
+    max_items = usual.mission_items if max_items is None else max_items
+    fence_bytes = usual.fence_bytes if fence_bytes is None else fence_bytes
     if max_items < 4:
         raise ConfigError(f"--max-items {max_items}: must be at least 4")
     if fence_bytes < 26:
@@ -242,6 +246,7 @@ def build_options(**flags: Any) -> PlanOptions:
         mission_items=max_items,
         fence_bytes=fence_bytes,
         fence_polygon_points=min(255, (fence_bytes - 2) // 8),
+        rally_points=usual.rally_points,
     )
     return PlanOptions(**flags)
 

@@ -14,13 +14,15 @@ import click
 from click.core import ParameterSource
 
 from mrmission.errors import ConfigError
+from mrmission.options import VEHICLES
 
 if TYPE_CHECKING:
     from mrmission.simulate import ArdupilotFleet, SimulatedFleet
 
 DEFAULT_HOME_LONLAT = (-81.2500, 34.0600)
 """On Lake Murray, South Carolina: the fleet floats somewhere even if nobody says where."""
-LIGHT_MODEL = "motorboat"
+USUAL_MODEL = {"boat": "motorboat", "rover": "rover", "copter": "quad"}
+"""The model of each vehicle; the light engine has no other."""
 LIGHT_ONLY = ("ready_after", "udp_out", "loss", "seed")
 ARDUPILOT_ONLY = ("keep", "binary")
 REMIND_S = 10.0
@@ -109,10 +111,14 @@ def parse_parameter(text: str) -> tuple[str, float]:
     "--heading", type=float, default=0.0, show_default=True, help="Where the bows point, degrees."
 )
 @click.option(
+    "--vehicle",
+    type=click.Choice(VEHICLES),
+    help="What sails, drives or flies.  [default: boat, or what --model is]",
+)
+@click.option(
     "--model",
-    default="motorboat",
-    show_default=True,
-    help="motorboat, motorboat-skid (turns on the spot), rover, quad.",
+    help="ardupilot: motorboat, motorboat-skid (turns on the spot), rover, quad.  [default: by "
+    "--vehicle]",
 )
 @click.option(
     "--param",
@@ -170,7 +176,8 @@ def sim(
     base_port: int,
     sysid: int,
     heading: float,
-    model: str,
+    vehicle: str | None,
+    model: str | None,
     params: tuple[str, ...],
     param_files: tuple[Path, ...],
     keep: Path | None,
@@ -183,9 +190,13 @@ def sim(
 ) -> None:
     """Run simulated vehicles that take missions and carry them out, until Ctrl-C."""
     from mrmission.simulate import ArdupilotFleet, Faults, SimulatedFleet
-    from mrmission.simulate.ardupilot_models import read_parameters
+    from mrmission.simulate.ardupilot_models import MODELS, read_parameters
 
     _check_engine(ctx, engine)
+    known = MODELS.get(model or "")
+    if vehicle is not None and known is not None and known.vehicle != vehicle:
+        raise ConfigError(f"--vehicle {vehicle} and --model {model}: that is a {known.vehicle}")
+    vehicle = vehicle or (known.vehicle if known is not None else "boat")
     if count is not None and not 1 <= count <= 250:
         raise ConfigError(f"--k {count}: a simulated fleet has 1 to 250 vehicles")
     if not 0 <= loss < 1:
@@ -209,7 +220,7 @@ def sim(
             count=count or 1,
             home_lonlat=home_lonlat,
             starts_lonlat=starts_lonlat,
-            model=model,
+            model=model or USUAL_MODEL[vehicle],
             binary=binary,
             base_port=base_port,
             first_system_id=sysid,
@@ -220,12 +231,13 @@ def sim(
             progress=clock.step,
         )
     else:
-        if model != LIGHT_MODEL:
+        if model not in (None, USUAL_MODEL[vehicle]):
             raise ConfigError(
-                f"--model {model}: the light engine has {LIGHT_MODEL} alone; --engine ardupilot "
+                f"--model {model}: the light engine has one {vehicle} alone; --engine ardupilot "
                 "has more"
             )
         fleet = SimulatedFleet(
+            kind=vehicle,
             count=count or 1,
             home_lonlat=home_lonlat,
             starts_lonlat=starts_lonlat,

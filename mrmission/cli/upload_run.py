@@ -179,12 +179,17 @@ def _fleet(
     starts = list(starts_lonlat or ())
     if len(starts) != len(missions):
         starts = [home_lonlat(mission) or (0.0, 0.0) for mission in missions]
-    standard = VehicleLimits()
+    kind = missions[0].vehicle if missions else "boat"
+    standard = VehicleLimits.of(kind)
     parameters: dict[str, float] = {}
     if (caps.mission_items or 0) > standard.mission_items:
         parameters["BRD_SD_MISSION"] = math.ceil(((caps.mission_items or 0) * 15 + 4) / 1024)
     if (caps.fence_bytes or 0) > standard.fence_bytes:
         parameters["BRD_SD_FENCE"] = math.ceil(((caps.fence_bytes or 0) + 5) / 1024)
     return SimulatedFleet(
-        count=len(missions), starts_lonlat=starts, base_port=0, parameters=parameters
+        count=len(missions),
+        starts_lonlat=starts,
+        base_port=0,
+        parameters=parameters,
+        kind=kind,
     )

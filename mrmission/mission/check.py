@@ -189,7 +189,7 @@ def check_mission(
     clearance_m
         Distance that the path keeps from the shore, m.
     limits
-        What the vehicle holds; ArduPilot's defaults if not given.
+        What the vehicle holds; ArduPilot's defaults for its kind if not given.
     tolerance_m
         A leg may be this far outside, m.
     launch_m
@@ -202,7 +202,7 @@ def check_mission(
     tuple of Violation
         Empty where all is well.
     """
-    limits = limits or VehicleLimits()
+    limits = limits or VehicleLimits.of(mission.vehicle)
     if not mission.items:
         return ()
     path, items = navigation_path(mission)

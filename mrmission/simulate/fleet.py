@@ -83,6 +83,8 @@ class SimulatedFleet:
         Send to a ground station that listens there, instead of opening TCP servers.
     kinematics : Kinematics, optional
         How the boats move.
+    kind : str
+        "boat", "rover" or "copter".
 
     Raises
     ------
@@ -114,6 +116,7 @@ class SimulatedFleet:
         faults: Faults | None = None,
         udp_out: tuple[str, int] | None = None,
         kinematics: Kinematics | None = None,
+        kind: str = "boat",
     ) -> None:
         if not 1 <= count <= 250:
             raise ConfigError(f"--k {count}: a simulated fleet has 1 to 250 boats")
@@ -147,6 +150,7 @@ class SimulatedFleet:
         self.vehicles = tuple(
             SimVehicle(
                 VehicleSetup(
+                    kind=kind,
                     system_id=first_system_id + i,
                     lon=lon,
                     lat=lat,
