@@ -26,7 +26,16 @@ from mrmission.vehicle.links import (
 )
 from mrmission.vehicle.messages import Autopilot, any_message
 from mrmission.vehicle.mission_protocol import Clear, Download, Upload
-from mrmission.vehicle.mission_words import MOST_AHEAD, SUCCESS, TIMEOUT, UNCONFIRMED, RoundTrip
+from mrmission.vehicle.mission_words import (
+    CANCELLED,
+    DENIED,
+    ERROR,
+    MOST_AHEAD,
+    SUCCESS,
+    TIMEOUT,
+    UNCONFIRMED,
+    RoundTrip,
+)
 from mrmission.vehicle.readback import compare_items
 from mrmission.vehicle.station import Link
 from mrmission.vehicle.transfer import run_machine
@@ -229,25 +238,33 @@ class Vehicle(Autopilot):
             raise self._failed(f"clearing of {mission_type.label}", str(machine.result))
 
     def _failed(self, what: str, result: str) -> TransferError:
-        hint = self.company()
+        hint = self.company() or _MEANING.get(result, "")
         return TransferError(
-            f"{self.where()}: {what} failed: {result}{f'; {hint}' if hint else ''}", result=result
+            f"{self.where()}: {what} failed: {result}{f' ({hint})' if hint else ''}",
+            result=result,
         )
 
     def company(self) -> str:
-        """Return in a line which other ground stations are about, nothing where there is none."""
-        others = self.link.stations()
+        """Return in a line who else is on the link, or that it is down; nothing otherwise."""
+        others = ", ".join(map(str, self.link.stations()))
         if self.rival is not None:
             return (
-                f"ground station {self.rival} is transferring to this vehicle too: let one "
-                "program finish first"
+                f"ground station {self.rival} is transferring to this vehicle at the same time: "
+                "let one program finish first"
             )
+        if self.link.down:
+            return self.link.down
         if others:
-            return (
-                f"ground station {', '.join(map(str, others))} is on this link too: one program "
-                "at a time"
-            )
-        return self.link.down
+            return f"ground station {others} is on this link too: one program at a time"
+        return ""
+
+
+_MEANING = {
+    DENIED: "it is busy with another program's transfer, or holds a broken one open for 8 s",
+    ERROR: "it does not expect these items: it has restarted, or another program has taken over",
+    CANCELLED: "it gave up waiting: too much is lost on the link",
+    TIMEOUT: "no answer",
+}
 
 
 def _other_than(first: Message) -> Callable[[Message], bool]:

@@ -47,6 +47,7 @@ from mrmission.vehicle.mission_words import (
     SUCCESS,
     TIMEOUT,
     UNCONFIRMED,
+    UNHEARD_S,
     Ack,
     AskItem,
     AskList,
@@ -92,6 +93,8 @@ class Upload:
         """Last item under way."""
         self._sent_s: dict[int, float] = {}
         self._often: set[int] = set()
+        self._heard_s = 0.0
+        self._restarts = 0
 
     @property
     def result(self) -> str | None:
@@ -136,6 +139,12 @@ class Upload:
         w.wait(now_s)
         if self._position < 0:
             return [Count(self.count)]
+        if now_s - self._heard_s > UNHEARD_S and not w.doubt and self._restarts < MOST_RESTARTS:
+            # The link broke and came back, and the vehicle answers to the old one: start over.
+            self._restarts += 1
+            self._position = self._last_asked = self._sent_to = -1
+            self._sent_s.clear()
+            return [Count(self.count)]
         # With the item the next ones, more and more: its own loss may be made good already, and
         # only the request that followed be lost.
         self._window = max(1, self._window // 2)
@@ -162,6 +171,7 @@ class Upload:
 
     def _requested(self, seq: int, now_s: float) -> list[Sent]:
         w = self._w
+        self._heard_s = now_s
         onwards = seq > self._position
         # A vehicle that was made to start over counts up again from a lower number; a request that
         # is late stands alone.
@@ -409,6 +419,7 @@ class Clear:
             return []
         if heard.result == ACK_ACCEPTED:
             self._acknowledged = True
+            w.silences = 0
             w.wait(now_s)
             return [AskList()]
         if heard.result in (ACK_DENIED, ACK_ERROR):

@@ -28,6 +28,8 @@ MOST_AHEAD = 8
 """Items under way: what the receive buffer of a telemetry port (512 bytes) holds."""
 FIRST_WINDOW, LEAST_WINDOW, MOST_WINDOW = 6.0, 3.0, 16.0
 MOST_RESTARTS = 3
+UNHEARD_S = 2.5
+"""A vehicle asks again each second; one that was not heard for longer does not know where to."""
 
 
 class Request(NamedTuple):
