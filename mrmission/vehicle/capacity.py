@@ -141,11 +141,23 @@ def smallest(known: Sequence[KnownLimits]) -> KnownLimits:
     """Return the smallest of each limit, with the word of whoever has it; defaults for nobody."""
     if not known:
         return default_limits()
+
+    def least(limits: Sequence[Limit]) -> Limit:
+        value = min(limit.value for limit in limits)
+        sources = sorted({limit.source for limit in limits if limit.value == value}, key=_natural)
+        more = f" and {len(sources) - 1} more" if len(sources) > 1 else ""
+        return Limit(value=value, source=f"{sources[0]}{more}")
+
     return KnownLimits(
-        mission_items=min((k.mission_items for k in known), key=lambda limit: limit.value),
-        fence_bytes=min((k.fence_bytes for k in known), key=lambda limit: limit.value),
-        rally_points=min((k.rally_points for k in known), key=lambda limit: limit.value),
+        mission_items=least([k.mission_items for k in known]),
+        fence_bytes=least([k.fence_bytes for k in known]),
+        rally_points=least([k.rally_points for k in known]),
     )
+
+
+def _natural(text: str) -> tuple[int, str]:
+    """Order vehicle 2 before vehicle 10."""
+    return len(text), text
 
 
 def capped(known: KnownLimits, caps: Caps) -> KnownLimits:

@@ -12,13 +12,12 @@ from contextlib import asynccontextmanager
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
+from upload_missions import HOME, mission, missions
 
 from mrmission.cli.upload_run import LinkChoice, run_upload
 from mrmission.errors import UploadError, VehicleError
 from mrmission.mission.qgc_plan import write_plan
-from mrmission.model import FencePolygon, Mission, MissionItem, RallyPoint
 from mrmission.simulate import Faults, SimulatedFleet
 from mrmission.simulate.storage import Refusal
 from mrmission.simulate.wire import mavlink
@@ -33,7 +32,6 @@ from mrmission.vehicle.upload import (
     upload_fleet,
 )
 
-HOME = (8.5, 47.3)
 EMPTY = ((0, 0, 0), (1, 0, 0))
 """Items, fence points and rally points of an empty boat; it may store its home."""
 QUICK = UploadTimeouts(
@@ -45,41 +43,6 @@ QUICK = UploadTimeouts(
     cleanup_s=6.0,
 )
 LINKS = LinkChoice(timeouts=QUICK)
-
-
-def mission(robot: int, count: int = 14, shift: int = 0) -> Mission:
-    lat, lon = 473_000_000, 85_000_000
-
-    def item(seq: int, command: int = 16, **changes: float) -> MissionItem:
-        fields = {
-            "seq": seq, "frame": 3 if seq else 0, "command": command, "current": int(seq == 0),
-            "autocontinue": 1, "param1": 0.0, "param2": 0.0, "param3": 0.0, "param4": 0.0,
-            "x": lat + 500 * seq + shift, "y": lon + 1000 * robot + 7 * seq, "z": 0.0,
-        }  # fmt: skip
-        return MissionItem(**{**fields, **changes})  # type: ignore[arg-type]
-
-    items = [item(0), item(1), item(2, 178, param1=1.0, param2=2.0, param3=-1.0, x=0, y=0)]
-    items += [item(seq) for seq in range(3, count - 1)]
-    items.append(item(len(items), 17))
-    box = np.array([[lat - 9000, lon], [lat + 90000, lon], [lat + 90000, lon + 90000]])
-    island = np.array(
-        [[lat + 8000, lon + 9000], [lat + 8900, lon + 9000], [lat + 8900, lon + 9900]]
-    )
-    return Mission(
-        robot=robot,
-        sortie=1,
-        vehicle="boat",
-        items=tuple(items),
-        fence=(
-            FencePolygon(inclusion=True, points_e7=box),
-            FencePolygon(inclusion=False, points_e7=island + robot),
-        ),
-        rally=(RallyPoint(lat_e7=lat + robot, lon_e7=lon),),
-    )
-
-
-def missions(count: int) -> list[Mission]:
-    return [mission(robot) for robot in range(1, count + 1)]
 
 
 @asynccontextmanager
