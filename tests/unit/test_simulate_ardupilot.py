@@ -425,3 +425,57 @@ def test_the_homes_of_plans(tmp_path: Path) -> None:
         plan_homes(tmp_path.parent)
     with pytest.raises(InputError, match="not a folder"):
         plan_homes(tmp_path / "none")
+
+
+SCRIPT = Path(__file__).resolve().parents[2] / "sitl" / "fleet.sh"
+
+
+def test_the_script_without_python_starts_and_ends_the_same_boats(
+    fake: Callable[..., Path], started: list[subprocess.Popen[str]], tmp_path: Path
+) -> None:
+    fake()
+    port = free_ports(1)[0]
+    settings = {"K": "2", "BERTH": "8.5,47.3", "PORT": str(port), "TMPDIR": str(tmp_path)}
+    process = subprocess.Popen(
+        [str(SCRIPT)], env={**os.environ, **settings},
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    started.append(process)
+    assert process.stdout is not None
+    assert [process.stdout.readline()[:6] for _ in range(3)] == ["boat 1", "boat 2", "boats "]
+    logs = [next(tmp_path.glob("tmp.*")) / str(i) / "output.txt" for i in (0, 1)]
+    deadline_s = time.monotonic() + 10.0
+    while time.monotonic() < deadline_s and not all(
+        log.read_text().count("\n") >= 2 for log in logs
+    ):
+        time.sleep(0.05)
+    for index, log in enumerate(logs):
+        words = log.read_text().splitlines()[1].split()
+        word = {words[i]: words[i + 1] for i in range(0, len(words), 2)}
+        assert (word["--sysid"], word["-I"]) == (str(index + 1), str(index))
+        assert word["--serial1"] == f"tcp:{port + 10 * index + 2}"
+        assert [Path(path).name for path in word["--defaults"].split(",")] == [
+            *MODELS["motorboat"].files
+        ]
+        lat, lon, *_ = map(float, word["--home"].split(","))
+        east_m, north_m = offset_m(HOME[1], HOME[0], lat, lon)
+        assert east_m == pytest.approx(15.0 * index, abs=0.02)
+        assert north_m == pytest.approx(MODELS["motorboat"].astern_m, abs=0.02)
+    process.terminate()
+    process.communicate(timeout=10)
+    assert list(tmp_path.glob("tmp.*")) == []
+    with socket.create_server(("127.0.0.1", port)):
+        pass
+
+
+def test_the_script_says_what_is_missing() -> None:
+    for settings, said, code in (
+        ({"ARDUROVER": "/nowhere/ardurover"}, "no /nowhere/ardurover", 5),
+        ({"MODEL": "submarine"}, "motorboat-skid", 2),
+    ):
+        done = subprocess.run(
+            [str(SCRIPT)], env={**os.environ, **settings}, capture_output=True, text=True,
+            timeout=10, check=False,
+        )  # fmt: skip
+        assert done.returncode == code
+        assert said in done.stderr
