@@ -42,7 +42,7 @@ unit: $(DEV)
 # the same tests, and those for ArduPilot alone, against ArduRover (and ArduCopter) in SITL: on PATH,
 # or named by ARDUROVER (ARDUCOPTER); fails when there is no ardurover
 test-sitl: $(DEV)
-	$(BIN)/pytest --engines ardupilot --timeout 900 tests
+	$(BIN)/pytest -n $(WORKERS) --dist loadfile --engines ardupilot --timeout 900 tests
 
 # the wheel, installed in an environment that has never seen the checkout
 wheel: $(DEV)

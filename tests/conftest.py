@@ -56,11 +56,14 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     )
 
 
+def pytest_configure(config: pytest.Config) -> None:
+    if config.getoption("--engines") == "ardupilot" and (reason := why_not("ardurover")):
+        raise pytest.UsageError(reason)
+
+
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     engines = config.getoption("--engines")
     if engines == "ardupilot":
-        if reason := why_not("ardurover"):
-            raise pytest.UsageError(reason)
         others = [item for item in items if item.get_closest_marker("ardupilot") is None]
         config.hook.pytest_deselected(items=others)
         items[:] = [item for item in items if item.get_closest_marker("ardupilot") is not None]
