@@ -26,8 +26,9 @@ BEND_DEG = 20.0
 STAIR_CORNERS = 6
 RUN_IN_M = 60.0
 LANE_M = 40.0
-LANE_S = 14.0
-"""A leg between manoeuvres is `LANE_M`, or what is sailed in so many seconds if that is longer."""
+LEAST_LANE_S = 14.0
+MOST_LANE_S = 20.0
+"""A leg between manoeuvres is `LANE_M`, but no less and no more than is sailed in so many seconds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,7 +117,7 @@ class _Turtle:
 
 def lane_m(speed_m_s: float) -> float:
     """Return how long the legs between manoeuvres are at a speed."""
-    return max(LANE_M, LANE_S * speed_m_s)
+    return min(max(LANE_M, LEAST_LANE_S * speed_m_s), MOST_LANE_S * speed_m_s)
 
 
 def corner_course(

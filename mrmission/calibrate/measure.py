@@ -49,12 +49,15 @@ class CourseResult:
         By manoeuvre, in order.
     start_s
         Seconds over length / speed from the start order to the middle of the first leg.
+    end_s
+        The same from the middle of the last leg to the last waypoint.
     speed_share
         Speed on the second half of the straight run-in over the speed ordered.
     """
 
     measured: tuple[Measured, ...]
     start_s: float
+    end_s: float
     speed_share: float
 
 
@@ -92,7 +95,11 @@ def _middles(course: Course, time_s: FloatArray, points_m: FloatArray) -> Iterat
 
 
 def measure(
-    course: Course, time_s: FloatArray, points_m: FloatArray, started_s: float
+    course: Course,
+    time_s: FloatArray,
+    points_m: FloatArray,
+    started_s: float,
+    ended_s: float,
 ) -> CourseResult:
     """Return what each manoeuvre of a course cost on a track.
 
@@ -102,8 +109,8 @@ def measure(
         What was to be sailed.
     time_s, points_m
         (n,) rising times and (n, 2) positions of the track, in the course's frame.
-    started_s
-        When the mission was started.
+    started_s, ended_s
+        When the mission was started, and when its last waypoint was reached.
 
     Raises
     ------
@@ -141,6 +148,7 @@ def measure(
     return CourseResult(
         measured=tuple(out),
         start_s=float(middles[0] - started_s - to_middle / course.speed_m_s[0]),
+        end_s=float(ended_s - middles[-1] - 0.5 * ideal[-1]),
         speed_share=_steady_share(course, time_s, points_m, float(middles[0])),
     )
 

@@ -105,4 +105,5 @@ async def sail_course(
         raise SimulatorError(f"{vehicle.where()}: the course was not finished: {track.end_text}")
     points = track_in_course(track, origin_lonlat)
     on_way = track.under_way()
-    return measure(course, track.time_s[on_way], points[on_way], track.started_s), track
+    result = measure(course, track.time_s[on_way], points[on_way], track.started_s, track.ended_s)
+    return result, track

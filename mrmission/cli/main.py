@@ -18,6 +18,8 @@ COMMANDS = {
     "upload": "Plan an area, upload the missions to the fleet and verify them.",
     "status": "Ask the fleet whether it still carries the plan that was uploaded.",
     "preflight": "Compare every vehicle's parameters and state with the plan.",
+    "rehearse": "Sail a plan with simulated vehicles and measure what was driven.",
+    "calibrate": "Sail courses of corners and measure what they cost, for the time model.",
     "sim": "Run simulated boats that speak MAVLink on loopback.",
     "check": "Check exported .plan files against an area.",
     "decompose": "Show the cells and the Reeb graph of an area.",
