@@ -246,6 +246,8 @@ class RobotReport:
     lanes: int
     fence_points: int
     fence_land_m2: float
+    start_delay_s: float = 0.0
+    """Seconds after the fleet's start at which the robot starts, to keep clear of the others."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

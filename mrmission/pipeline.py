@@ -55,6 +55,7 @@ from mrmission.tour.coverage import Uncovered
 from mrmission.tour.order import U_TURN_S, PieceBook
 from mrmission.tour.path import assemble_paths
 from mrmission.tour.repair import fleet_legs, number_lanes, pieces_to_repair, repair, total_area
+from mrmission.tour.separation import delay_notes, start_delays_s, timeline
 from mrmission.tour.starts import bottleneck_assignment
 from mrmission.tour.sweep import Sweep, best_bearing_deg, lane_spacing_m, sweep_region
 from mrmission.tour.timing import TimeModel
@@ -374,6 +375,7 @@ def _finish(
         )
     failsafe = failsafe_report(ways, frame)
     notes.extend(failsafe_notes(failsafe))
+    notes.extend(_start_one_after_the_other(rows, paths, time))
     robots = tuple(rows[r] for r in sorted(rows))
     busy = next((m for _, m in sorted(missions.items()) if m.items), None)
     if busy is not None:
@@ -436,6 +438,17 @@ def _finish(
         missions=tuple(missions[r] for r in sorted(missions)),
         report=report,
     )
+
+
+def _start_one_after_the_other(
+    rows: dict[int, RobotReport], paths: Mapping[int, CoveragePath], time: TimeModel
+) -> list[str]:
+    """Enter the delays of the starts into the rows, and return what to say about them."""
+    order = sorted(rows)
+    delays = start_delays_s([timeline(paths[r], time) for r in order])
+    for robot, delay_s in zip(order, delays.tolist(), strict=True):
+        rows[robot] = replace(rows[robot], start_delay_s=delay_s)
+    return delay_notes(rows)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -68,6 +68,8 @@ class RobotDriven:
     ``left_m`` the one at the end of the watch. ``fence_room_m`` is the least distance from its
     fence, negative outside. ``estimate_m`` is the 95th percentile of the distance between where
     a simulator says that it was and the track that it told, NaN where it does not say.
+    ``fence_events`` counts the breaches told while under way, ``fence_events_at_end`` those of a
+    vehicle that drifted off while its end was watched.
     """
 
     robot: int
@@ -83,6 +85,7 @@ class RobotDriven:
     coverage: float
     cross_track: CrossTrack
     fence_events: int
+    fence_events_at_end: int
     fence_room_m: float
     home_m: float
     watched_s: float
@@ -239,7 +242,8 @@ def _row(
     allowed = fence_polygon(mission, frame)
     from_home = np.hypot(*(points_m - path.points_m[-1]).T) if len(points_m) else np.zeros(0)
     at_end = from_home[way][-1] if way.any() else math.nan
-    texts = sum("breached" in said.text.lower() for said in track.texts)
+    breaches = np.array([b.time_s for b in track.breaches], dtype=np.float64)
+    late = breaches > (track.ended_s if track.home else math.inf)
     return RobotDriven(
         robot=track.robot,
         system_id=track.system_id,
@@ -253,7 +257,8 @@ def _row(
         driven_m=float(np.hypot(*np.diff(points_m[way], axis=0).T).sum()) if way.any() else 0.0,
         coverage=swept_of(own, swept_m).share if own.area > 0 else 1.0,
         cross_track=cross,
-        fence_events=max(texts, len(track.breaches)),
+        fence_events=int((~late).sum()),
+        fence_events_at_end=int(late.sum()),
         fence_room_m=math.nan if allowed is None else fence_room_m(points_m[way], allowed),
         home_m=float(at_end),
         watched_s=float(track.time_s[-1] - track.ended_s) if track.home and after.any() else 0.0,
@@ -303,7 +308,9 @@ def _with_violations(driven: FleetDriven) -> FleetDriven:
                 f"was watched for {row.watched_s:.0f} s, the limit is {limits.home_m:g} m"
             )
         if row.fence_events:
-            found.append(f"robot {row.robot} breached its fence {row.fence_events} times")
+            found.append(
+                f"robot {row.robot} breached its fence on its way, {row.fence_events} times"
+            )
     if driven.coverage.share < limits.coverage:
         found.append(
             f"{driven.coverage.share:.2%} of the coverable area was swept, the limit is "

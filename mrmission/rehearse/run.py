@@ -61,6 +61,22 @@ class Waters:
         if not 0 <= self.current_m_s <= 5:
             raise ConfigError(f"--current {self.current_m_s:g}: must be from 0 to 5 m/s")
 
+    def across(self, lanes_deg: float) -> Waters:
+        """Return the same with the current across lanes of a compass bearing, from their right."""
+        return replace(self, current_from_deg=(lanes_deg + 90.0) % 360.0)
+
+    def as_dict(self) -> dict[str, object]:
+        """Return the settings as plain values, for the record."""
+        return {
+            "engine": self.engine,
+            "model": self.model if self.engine == "ardupilot" else "light boat",
+            "speedup": self.speedup,
+            "current_m_s": self.current_m_s,
+            "current_from_deg": self.current_from_deg,
+            "waves": self.waves,
+            "parameters": dict(sorted(self.parameters.items())),
+        }
+
     def at_start(self) -> dict[str, float]:
         """Return the parameters that are set when a mission starts."""
         if self.current_m_s == 0:
