@@ -100,6 +100,7 @@ class Engine:
                 first_system_id=first_system_id,
                 speedup=self.speedup,
                 parameters={**survey_parameters(model), **(parameters or {})},
+                kind=MODELS[model].vehicle,
             ) as light:
                 yield light
             return

@@ -13,7 +13,7 @@ from seatrial import LightTrial, LinkTrial, Trial
 from sim_client import LAT, LON
 
 from mrmission.simulate import ArdupilotFleet
-from mrmission.simulate.ardupilot_models import read_parameters, survey_parameters
+from mrmission.simulate.ardupilot_models import MODELS, read_parameters, survey_parameters
 
 ENGINES = ("light", pytest.param("ardupilot", marks=pytest.mark.ardupilot))
 SPEEDUP = 10.0
@@ -55,6 +55,7 @@ def afloat(
     cold: bool = False,
     bare: bool = False,
     speedup: float = SPEEDUP,
+    model: str = "motorboat",
     **parameters: float,
 ) -> Iterator[Trial]:
     """One boat of an engine, and a station that talks to it.
@@ -64,8 +65,12 @@ def afloat(
     # Fences are the business of the tests that say so.
     given = {"FENCE_ENABLE": 0.0, **parameters}
     if engine == "light":
-        usual = {} if bare else survey_parameters("motorboat")
-        yield LightTrial(ready_s=COLD_S if cold else 0.0, parameters={**usual, **given})
+        usual = {} if bare else survey_parameters(model)
+        yield LightTrial(
+            kind=MODELS[model].vehicle,
+            ready_s=COLD_S if cold else 0.0,
+            parameters={**usual, **given},
+        )
         return
     file = folder / "bare.parm"
     file.write_text(BARE)
@@ -73,7 +78,7 @@ def afloat(
     pool.drop()
     fleet = (ColdFleet if cold else ArdupilotFleet)(
         count=1, home_lonlat=(LON, LAT), base_port=0, speedup=speedup, parameters=given,
-        parameter_files=[file] if bare else None,
+        parameter_files=[file] if bare else None, model=model,
     )  # fmt: skip
     try:
         asyncio.run(fleet.start())
@@ -92,6 +97,19 @@ def trial_of(
     with contextlib.ExitStack() as stack:
         yield lambda **how: stack.enter_context(
             afloat(request.param, ardupilot_pool, tmp_path, **how)
+        )
+
+
+@pytest.fixture(
+    params=("light", pytest.param("ardupilot", marks=pytest.mark.ardupilot(program="arducopter")))
+)
+def copter_of(
+    request: pytest.FixtureRequest, ardupilot_pool: Pool, tmp_path: Path
+) -> Iterator[Callable[..., Trial]]:
+    """Call it for a copter on the ground, ready to be armed."""
+    with contextlib.ExitStack() as stack:
+        yield lambda **how: stack.enter_context(
+            afloat(request.param, ardupilot_pool, tmp_path, model="quad", **how)
         )
 
 
