@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-import os
-import shutil
 import socket
 from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager
@@ -13,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from fleets import Engine
 from upload_missions import HOME, mission, missions
 
 from mrmission.cli.upload_run import LinkChoice, run_upload
@@ -21,13 +20,15 @@ from mrmission.mission.qgc_plan import write_plan
 from mrmission.simulate import Faults, SimulatedFleet
 from mrmission.simulate.storage import Refusal
 from mrmission.simulate.wire import mavlink
+from mrmission.vehicle.capacity import KnownLimits
+from mrmission.vehicle.job import FolderKeeper
 from mrmission.vehicle.links import LinkTimeouts
 from mrmission.vehicle.record import read_record
+from mrmission.vehicle.status import Carries, fleet_status
 from mrmission.vehicle.upload import (
     Holds,
     UploadProgress,
     UploadRow,
-    UploadStatus,
     UploadTimeouts,
     upload_fleet,
 )
@@ -288,30 +289,57 @@ async def test_the_command_keeps_a_record(
     assert "already stored" in out
 
 
-def ardurover() -> str | None:
-    return os.environ.get("ARDUROVER") or shutil.which("ardurover")
+# --- the same against light boats and ArduRover ------------------------------------------------
 
 
-@pytest.mark.ardupilot
-async def test_ardurover_stores_what_simulated_boats_store(tmp_path: Path) -> None:
-    binary = ardurover()
-    if binary is None:
-        pytest.skip("ARDUPILOT NOT TESTED: no ardurover on PATH nor in ARDUROVER")
-    port = free_port()
-    process = await asyncio.create_subprocess_exec(
-        binary, "--model", "motorboat", "--sysid", "17", "-I", "40",
-        "--home", f"{HOME[1]},{HOME[0]},0,0", "--serial0", f"tcp:{port}",
-        cwd=tmp_path, stdout=asyncio.subprocess.DEVNULL, stderr=asyncio.subprocess.DEVNULL,
-    )  # fmt: skip
-    try:
-        sent = mission(1, 60)
-        patient = UploadTimeouts(link=LinkTimeouts(discovery_s=20.0, retry_probe_s=10.0))
-        rows = await upload_fleet([sent], [f"tcp:127.0.0.1:{port}"], timeouts=patient)
+@pytest.mark.parametrize("client", ["pymavlink", "mavsdk"])
+async def test_every_engine_stores_it_and_shows_it_again(
+    engine: Engine, client: str, tmp_path: Path
+) -> None:
+    given = [mission(1, 60), mission(2, 60)]
+    limits: dict[int, KnownLimits] = {}
+    async with engine.fleet(count=2, fresh=False) as fleet:
+        options = {"keeper": FolderKeeper(tmp_path), "client": client}
+        rows = await upload_fleet(given, fleet.links, on_limits=limits.update, **options)  # type: ignore[arg-type]
+        assert statuses(rows) == ["verified"] * 2, rows
+        # A board without a card; asked, not assumed.
+        assert str(limits[2]) == "655 mission items, 667 fence bytes, 50 rally points (vehicle 2)"
+        rows = await upload_fleet(given, fleet.links, **options)  # type: ignore[arg-type]
+        assert statuses(rows) == ["already stored"] * 2, rows
+        assert all(row.attempts == 0 for row in rows)
+        told = await fleet_status(read_record(tmp_path), client=client)
+        assert [row.carries for row in told] == [Carries.PLAN] * 2, told
+
+
+@pytest.mark.parametrize("client", ["pymavlink", "mavsdk"])
+async def test_every_engine_gets_its_old_mission_back(
+    engine: Engine, client: str, tmp_path: Path
+) -> None:
+    old, new = mission(1, 30, shift=-70), mission(1, 50)
+    # Nobody knows this command, and a vehicle says so when it is there.
+    items = list(new.items)
+    items[20] = replace(items[20], command=31999)
+    bad = replace(new, items=tuple(items))
+    async with engine.fleet(count=1, fresh=False) as fleet:
+        options = {"keeper": FolderKeeper(tmp_path), "client": client}
+        rows = await upload_fleet([old], fleet.links, **options)  # type: ignore[arg-type]
         assert statuses(rows) == ["verified"], rows
-        assert rows[0].system_id == 17
-        rows = await upload_fleet([sent], [f"tcp:127.0.0.1:{port}"], timeouts=patient)
+        rows = await upload_fleet([bad], fleet.links, **options)  # type: ignore[arg-type]
+        assert statuses(rows) == ["refused"], rows
+        assert rows[0].holds is Holds.RESTORED
+        rows = await upload_fleet([old], fleet.links, **options)  # type: ignore[arg-type]
         assert statuses(rows) == ["already stored"], rows
-        assert rows[0].status is UploadStatus.UNCHANGED
-    finally:
-        process.kill()
-        await process.wait()
+
+
+@pytest.mark.parametrize("client", ["pymavlink", "mavsdk"])
+async def test_every_engine_is_left_empty_where_it_was_empty(engine: Engine, client: str) -> None:
+    new = mission(1, 50)
+    items = list(new.items)
+    items[20] = replace(items[20], command=31999)
+    async with engine.fleet(count=1, fresh=False) as fleet:
+        rows = await upload_fleet([replace(new, items=tuple(items))], fleet.links, client=client)
+        assert statuses(rows) == ["refused"], rows
+        assert rows[0].holds is Holds.EMPTY
+        rows = await upload_fleet([new], fleet.links, client=client)
+        assert statuses(rows) == ["verified"], rows
+        assert "remains" not in rows[0].detail
