@@ -91,7 +91,7 @@ class Vehicle(Autopilot):
         )
         if reply is None:
             raise LinkTimeoutError(
-                f"{self.where()}: does not say what its {mission_type.label} holds"
+                f"{self.where()}: does not say what its {mission_type.label} holds{self._aside()}"
             )
         return int(reply.count)
 
@@ -238,14 +238,15 @@ class Vehicle(Autopilot):
             raise self._failed(f"clearing of {mission_type.label}", str(machine.result))
 
     def _failed(self, what: str, result: str) -> TransferError:
-        hint = self.company() or _MEANING.get(result, "")
-        return TransferError(
-            f"{self.where()}: {what} failed: {result}{f' ({hint})' if hint else ''}",
-            result=result,
-        )
+        aside = self._aside(_MEANING.get(result, ""))
+        return TransferError(f"{self.where()}: {what} failed: {result}{aside}", result=result)
+
+    def _aside(self, otherwise: str = "") -> str:
+        text = self.company() or otherwise
+        return f" ({text})" if text else ""
 
     def company(self) -> str:
-        """Return in a line who else is on the link, or that it is down; nothing otherwise."""
+        """Return in a line what disturbs: who else is here, a link that is down, a missing key."""
         others = ", ".join(map(str, self.link.stations()))
         if self.rival is not None:
             return (
@@ -254,6 +255,8 @@ class Vehicle(Autopilot):
             )
         if self.link.down:
             return self.link.down
+        if self.link.signed_heartbeats and not self.link.codec.signed:
+            return "it signs its packets, and takes signed ones only: give --sign-key-file"
         if others:
             return f"ground station {others} is on this link too: one program at a time"
         return ""

@@ -122,7 +122,7 @@ def _silence(one: _Open, timeouts: LinkTimeouts) -> str:
     if link.down:
         return link.down
     if link.refused_signatures:
-        return "open, but the vehicle's signatures are not of this key: check --sign-key-file"
+        return "open, but what the vehicle says is not signed with this key: check --sign-key-file"
     if link.frames:
         return f"open, but no autopilot's heartbeat in {timeouts.discovery_s:g} s"
     if one.connection.scheme == "tcpout":

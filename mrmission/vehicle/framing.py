@@ -50,6 +50,11 @@ class Frame(NamedTuple):
     message_id: int
     data: bytes
 
+    @property
+    def signed(self) -> bool:
+        """Whether the packet carries a signature, genuine or not."""
+        return self.data[0] == V2_MAGIC and bool(self.data[2] & SIGNED_FLAG)
+
 
 class FrameReader:
     """Cuts one peer's stream of bytes into frames; noise between them is dropped.

@@ -100,7 +100,7 @@ class Autopilot:
             self._latest[number] = (self._heard_s, frame)
             return
         # Signatures must be checked in the order of arrival, so signed links decode everything.
-        message = self.link.codec.decode(frame)
+        message = self.link.decode(frame)
         if message is None:
             return
         if number == _HEARTBEAT:

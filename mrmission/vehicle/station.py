@@ -63,8 +63,11 @@ class Link:
         self._spoke: dict[int, dict[Hashable, float]] = {}
         self._stations: dict[int, float] = {}
         self._beating: asyncio.Task[None] | None = None
+        self._decoded: tuple[Frame, Message | None] | None = None
         self.frames = 0
         """Frames heard so far, of anybody."""
+        self.signed_heartbeats = 0
+        """Autopilot heartbeats that carried a signature."""
         self.refused_signatures = 0
         """Autopilot heartbeats that could not be taken for genuine."""
 
@@ -85,6 +88,15 @@ class Link:
             self._beating.cancel()
             await asyncio.gather(self._beating, return_exceptions=True)
         await self._transport.close()
+
+    def decode(self, frame: Frame) -> Message | None:
+        """Return a frame's message, None where it cannot be read or its signature is refused.
+
+        A signature counts once: the same frame is decoded once.
+        """
+        if self._decoded is None or self._decoded[0] is not frame:
+            self._decoded = (frame, self.codec.decode(frame))
+        return self._decoded[1]
 
     @property
     def down(self) -> str:
@@ -137,12 +149,13 @@ class Link:
         """Learn from a heartbeat who is there; the vehicle itself gets its own afterwards."""
         system_id = frame.system_id
         if frame.component_id != AUTOPILOT_COMPONENT_ID:
-            message = self.codec.decode(frame)
+            message = self.decode(frame)
             if message is not None and message.type == mavlink.MAV_TYPE_GCS:
                 self._stations[system_id] = self._loop.time()
             return
+        self.signed_heartbeats += frame.signed
         if system_id not in self._vehicles:
-            message = self.codec.decode(frame)
+            message = self.decode(frame)
             if message is None:
                 self.refused_signatures += 1
                 return

@@ -9,11 +9,13 @@ import asyncio
 import contextlib
 import os
 import socket
+import time
 from collections.abc import AsyncIterator, Sequence
+from pathlib import Path
 from typing import Any
 
 import pytest
-from fleets import Engine
+from fleets import ardupilot, program_path
 from lossy_proxy import Badness, LossyTcp, LossyUdp
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -21,7 +23,7 @@ from mrmission.errors import VehicleError
 from mrmission.simulate import SimulatedFleet
 from mrmission.vehicle.client import Vehicle, open_links
 from mrmission.vehicle.connection import parse_connections
-from mrmission.vehicle.framing import Codec
+from mrmission.vehicle.framing import SIGNING_EPOCH_S, Codec, Signing
 from mrmission.vehicle.items import MissionType, RawItem
 from mrmission.vehicle.links import FleetLinks, LinkTimeouts, TransferError
 from mrmission.vehicle.mavsdk_link import open_links as open_over_mavsdk
@@ -475,10 +477,8 @@ async def test_two_vehicles_with_one_id() -> None:
 
 @pytest.mark.ardupilot
 @pytest.mark.parametrize("loss", [0.1, 0.2])
-async def test_twenty_tries_with_ardurover(engine: Engine, loss: float) -> None:
-    if engine.name == "light":
-        pytest.skip("light boats have their own")
-    async with engine.fleet(count=4, speedup=1.0) as fleet, contextlib.AsyncExitStack() as stack:
+async def test_twenty_tries_with_ardurover(loss: float) -> None:
+    async with ardupilot(4, speedup=1.0) as fleet, contextlib.AsyncExitStack() as stack:
         proxies = [
             await stack.enter_async_context(
                 LossyTcp(port_of(link), Badness(loss=loss, duplicate=0.05, reorder=0.05, seed=n))
@@ -489,3 +489,41 @@ async def test_twenty_tries_with_ardurover(engine: Engine, loss: float) -> None:
             for _ in range(5):
                 done = await asyncio.gather(*(filled(v, 100) for v in found.vehicles.values()))
                 assert done == [True] * 4
+
+
+@pytest.mark.ardupilot
+async def test_ardurover_on_a_signed_link(tmp_path: Path) -> None:
+    program = program_path("ardurover")
+    assert program is not None
+    ports = free_port(), free_port()
+    # ArduPilot takes its first port for a cable, and unsigned packets there in any case.
+    process = await asyncio.create_subprocess_exec(
+        program, "--model", "motorboat", "--sysid", "23", "-I", "107", "--home", "47.3,8.5,1,0",
+        "--serial0", f"tcp:{ports[0]}", "--serial1", f"tcp:{ports[1]}", "--serial2", "none:",
+        cwd=tmp_path, stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.DEVNULL,
+        stderr=asyncio.subprocess.DEVNULL,
+    )  # fmt: skip
+    cable, radio = (f"tcp:127.0.0.1:{port}" for port in ports)
+    key = Signing.from_passphrase("correct horse")
+    try:
+        async with linked([cable], timeouts=PATIENT) as found:
+            vehicle = found.vehicles[23]
+            now = int((time.time() - SIGNING_EPOCH_S) * 1e5)
+            setup = mavlink.MAVLink_setup_signing_message(23, 1, list(key.key), now)
+            vehicle.send(setup)
+            vehicle.send(setup)
+            await asyncio.sleep(1.0)
+        async with linked([radio], timeouts=PATIENT, signing=key) as found:
+            vehicle = found.vehicles[23]
+            assert await filled(vehicle, 40)
+            assert await vehicle.parameter("MAV_SYSID") in (23.0, None)
+        async with linked([radio], timeouts=PATIENT) as found:
+            with pytest.raises(VehicleError, match="takes signed ones only: give --sign-key-file"):
+                await found.vehicles[23].stored_count(MissionType.MISSION)
+        wrong = Signing.from_passphrase("battery staple")
+        async with linked([radio], signing=wrong) as found:
+            assert not found.vehicles
+            assert "not signed with this key" in next(iter(found.silent.values()))
+    finally:
+        process.kill()
+        await process.wait()
