@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from boat_faults import Trouble
+from fleets import Engine
 from upload_missions import HOME, mission, missions
 
 from mrmission.mission.qgc_plan import read_plan
 from mrmission.simulate import Faults, SimulatedFleet, transfer
 from mrmission.simulate.storage import Item
 from mrmission.vehicle import mission_protocol
-from mrmission.vehicle.items import MissionType, mission_to_raw
+from mrmission.vehicle.client import Vehicle
+from mrmission.vehicle.items import MissionType, RawItem, mission_to_raw
 from mrmission.vehicle.job import FolderKeeper
 from mrmission.vehicle.links import LinkTimeouts
 from mrmission.vehicle.readback import compare_items
@@ -333,3 +335,42 @@ def test_saved_json_where_no_plan_can_say_it(tmp_path: Path) -> None:
     path = save_contents(tmp_path, 3, odd, "boat")
     assert path.name == "vehicle-3-1.json"
     assert json.loads(path.read_text())["fence"][0]["command"] == 5999
+
+
+# --- the same against light boats and ArduRover ------------------------------------------------
+
+
+async def test_every_engine_may_reboot_in_mid_transfer(
+    engine: Engine, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rebooted: list[int] = []
+    send = Vehicle.upload
+
+    async def upload_and_reboot(
+        self: Vehicle,
+        kind: MissionType,
+        items: Sequence[RawItem],
+        progress: Callable[[float], None] | None = None,
+    ) -> None:
+        def watch(fraction: float) -> None:
+            if kind is MissionType.MISSION and fraction > 0.3 and not rebooted:
+                rebooted.append(round(fraction * len(items)))
+                self.send(
+                    self.mav.MAVLink_command_long_message(
+                        self.system_id, 1, self.mav.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 0,
+                        1, 0, 0, 0, 0, 0, 0,
+                    )
+                )  # fmt: skip
+            if progress is not None:
+                progress(fraction)
+
+        await send(self, kind, items, watch)
+
+    monkeypatch.setattr(Vehicle, "upload", upload_and_reboot)
+    async with engine.fleet(count=1) as fleet:
+        patient = UploadTimeouts(link=LinkTimeouts(discovery_s=10.0))
+        (row,) = await upload_fleet([mission(1, 200)], fleet.links, timeouts=patient)
+        assert rebooted
+        assert row.verified, row
+        again = await upload_fleet([mission(1, 200)], fleet.links, timeouts=patient)
+        assert [r.status for r in again] == [UploadStatus.UNCHANGED]
