@@ -21,8 +21,10 @@ from mrmission.simulate.wire import mavlink
 STEP_S = 0.1
 SPOOL_S = 3.4
 """From the start of a take-off until the ground is left."""
-SETTLE_S = 2.0
+SETTLE_S = 2.5
 """From touching the ground until the landing is believed."""
+SHORTEST_LEG_S = 1.6
+"""A return's climb and way take no less: nobody hovers to the centimetre."""
 TAKEOFF_BRAKE_M_S2 = 0.56
 TOOK_OFF_SHARE = 0.1
 """Of the climbing speed: below it, close to the height asked for, a take-off is done."""
@@ -384,6 +386,7 @@ class CopterPilot(Autopilot):
         goal = max(goal, here_m)
         self._return_to = (east, north, goal)
         self._homeward = Homeward.CLIMB
+        self._since_s = self.time_s
         self.route = Route(self.here, self.limits)
         self.stage = Stage.ROUTE
         self.route.go((x, y, goal), self._return_to)
@@ -438,8 +441,14 @@ class CopterPilot(Autopilot):
                 self.land()
 
     def _arrived(self) -> None:
+        if (
+            self._homeward in (Homeward.CLIMB, Homeward.CROSS)
+            and self.time_s - self._since_s < SHORTEST_LEG_S
+        ):
+            return
         if self._homeward is Homeward.CLIMB:
             self._homeward = Homeward.CROSS
+            self._since_s = self.time_s
             self.route.go(self._return_to, None)
         elif self._homeward is Homeward.CROSS:
             self._homeward = Homeward.WAIT

@@ -265,7 +265,7 @@ def mission_item(item: Item) -> Item:
     if frame is None:
         raise Refusal(mavlink.MAV_MISSION_UNSUPPORTED_FRAME)
     altitude_cm = int(_f32(_f32(item.z) * 100.0))
-    return Item(item.command, frame, p1, p2, p3, p4, item.x, item.y, _f32(altitude_cm * 0.01))
+    return Item(item.command, frame, p1, p2, p3, p4, item.x, item.y, _f32(altitude_cm * _f32(0.01)))
 
 
 # --- fence ---------------------------------------------------------------------------------------
