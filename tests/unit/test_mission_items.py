@@ -2,6 +2,8 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +13,7 @@ from hypothesis import strategies as st
 from mrmission.errors import PlanningError
 from mrmission.mission import mavlink
 from mrmission.mission.items import build_items, count_items, merge_collinear
-from mrmission.model import LegKind
+from mrmission.model import LegKind, MissionItem
 from mrmission.options import PlanOptions
 
 T, S = int(LegKind.TRANSIT), int(LegKind.SURVEY)
@@ -65,10 +67,91 @@ def test_speed_changes_only_where_the_speed_does() -> None:
     assert [i.param2 for i in items if i.command == 178] == [3.0, 1.5, 3.0]
 
 
+def test_heights_above_terrain_are_in_frame_10_and_above_home_in_frame_3() -> None:
+    for above, frame in (("home", 3), ("terrain", 10)):
+        options = PlanOptions(vehicle="copter", altitude_m=25, altitude_above=above)
+        items, _, _ = build_items(PATH, KIND, LANE, options)
+        assert {i.frame for i in items if i.command in (16, 22)} == {0, frame}
+        assert (items[0].frame, items[-1].frame) == (0, 0)
+
+
+def test_a_camera_is_on_along_the_lane_and_off_elsewhere() -> None:
+    options = PlanOptions(vehicle="copter", trigger_distance_m=7.5, transit_speed_m_s=3.0)
+    items, kind, lane = build_items(PATH, KIND, LANE, options)
+    assert [i.command for i in items] == [16, 22, 178, 16, 178, 206, 16, 206, 178, 16, 16, 20]
+    on, off = (i for i in items if i.command == 206)
+    assert (on.param1, on.param2, on.param3, on.frame) == (7.5, 0.0, 1.0, 0)
+    assert (off.param1, off.param2, off.param3) == (0.0, 0.0, 0.0)
+    assert (kind[5], lane[5], kind[6], lane[6]) == (T, 0, S, 1)
+
+
+def test_a_lane_that_ends_at_home_switches_off_before_the_end() -> None:
+    kind = np.array([T, S, T, S], dtype=np.int8)
+    for vehicle, finish in (("boat", [17]), ("rover", []), ("copter", [20])):
+        options = PlanOptions(vehicle=vehicle, trigger_distance_m=5.0)
+        items, _, _ = build_items(PATH, kind, LANE, options)
+        assert [i.command for i in items][-2 - len(finish) :] == [16, 206, *finish]
+        assert items[-1 - len(finish)].param1 == 0.0
+
+
+def photographed_legs(items: Sequence[MissionItem]) -> list[tuple[int, bool]]:
+    """Replay: (item, camera on) of each leg, with ArduPilot's meaning of a distance."""
+    on, legs = False, []
+    for item in items[1:]:
+        if item.command == 206:
+            on = item.param1 > 0
+        elif item.command in (16, 17):
+            legs.append((item.seq, on))
+    return legs
+
+
+ROUTES = st.lists(st.sampled_from([T, S]), min_size=2, max_size=40)
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    ROUTES,
+    st.sampled_from(["boat", "rover", "copter"]),
+    st.sampled_from([2.0, 3.0]),
+    st.sampled_from(["lanes", "continuous"]),
+)
+def test_every_lane_has_the_camera_on_and_every_transit_off(
+    kind: list[int], vehicle: str, transit: float, trigger: str
+) -> None:
+    out = np.array([[8.0 + 1e-4 * i, 47.0 + 1e-4 * (i % 3)] for i in range(len(kind))])
+    path = np.vstack([out, out[:1]])
+    lane = np.cumsum(np.array(kind) == S) * (np.array(kind) == S)
+    options = PlanOptions(
+        vehicle=vehicle, transit_speed_m_s=transit, trigger_distance_m=4.0, trigger=trigger
+    )
+    items, item_kind, item_lane = build_items(path, np.array(kind), lane, options)
+    assert count_items(np.array(kind), options) == len(items)
+    plain, plain_kind, plain_lane = build_items(
+        path, np.array(kind), lane, replace(options, trigger_distance_m=0.0)
+    )
+    # nothing else changes: without the camera's items it is the mission it was
+    kept = [k for k, i in enumerate(items) if i.command != 206]
+    assert [replace(items[k], seq=0) for k in kept] == [replace(i, seq=0) for i in plain]
+    assert [(item_kind[k], item_lane[k]) for k in kept] == [
+        *zip(plain_kind, plain_lane, strict=True)
+    ]
+    lanes = [k for k in range(len(items)) if item_kind[k] == S]
+    for seq, on in photographed_legs(items):
+        if trigger == "lanes":
+            assert on == (item_kind[seq] == S)
+        else:
+            assert on == (bool(lanes) and lanes[0] <= seq <= lanes[-1])
+    switches = [i.param1 for i in items if i.command == 206]
+    assert switches == [4.0, 0.0] * (len(switches) // 2)
+    if trigger == "continuous":
+        assert len(switches) == (2 if lanes else 0)
+
+
 @pytest.mark.parametrize("vehicle", ["boat", "rover", "copter"])
 @pytest.mark.parametrize("transit", [2.0, 3.0])
-def test_count_items(vehicle: str, transit: float) -> None:
-    options = PlanOptions(vehicle=vehicle, transit_speed_m_s=transit)
+@pytest.mark.parametrize("photo_m", [0.0, 5.0])
+def test_count_items(vehicle: str, transit: float, photo_m: float) -> None:
+    options = PlanOptions(vehicle=vehicle, transit_speed_m_s=transit, trigger_distance_m=photo_m)
     items, _, _ = build_items(PATH, KIND, LANE, options)
     assert count_items(KIND, options) == len(items)
     assert count_items(KIND[:0], options) == 0
