@@ -11,19 +11,16 @@ import math
 
 from mrmission.simulate.camera import Camera
 from mrmission.simulate.execution import MissionExecution, MissionState, SubMode
-from mrmission.simulate.fence import polygon_breach_m
+from mrmission.simulate.guard import FenceGuard
 from mrmission.simulate.loiter import Loiter
 from mrmission.simulate.motion import Boat, Leg, offset_m
 from mrmission.simulate.parameters import Parameters
+from mrmission.simulate.smart_rtl import Crumbs
 from mrmission.simulate.storage import Item
 from mrmission.simulate.stores import FenceStore, MissionStore, RallyStore
 from mrmission.simulate.wire import mavlink
 
 MAX_STEP_S = 0.2
-FENCE_CHECK_S = 0.5
-FENCE_CIRCLE, FENCE_POLYGON = 2, 4
-FENCE_UNION = 2
-"""FENCE_OPTIONS bit: inclusion areas add up instead of intersecting."""
 GIVE_UP_FENCE_M = 100.0
 HOME_MOVES_M = 0.5
 """Home follows a boat that is not armed, in steps of this."""
@@ -47,10 +44,11 @@ class Mode(enum.IntEnum):
     LOITER = 5
     AUTO = 10
     RTL = 11
+    SMART_RTL = 12
     GUIDED = 15
 
 
-NAVIGATING = frozenset({Mode.LOITER, Mode.AUTO, Mode.RTL, Mode.GUIDED})
+NAVIGATING = frozenset(set(Mode) - {Mode.MANUAL, Mode.HOLD})
 
 
 Event = tuple[str, int, str]
@@ -104,8 +102,9 @@ class Autopilot:
         self.speed_m_s = self._usual_speed_m_s()
         self.leg: Leg | None = None
         self.arrived_s: float | None = None
-        self._fence_next_s = 0.0
-        self._breached = False
+        self.guard = FenceGuard(self)
+        self.crumbs = Crumbs(self)
+        self._way_home: list[tuple[float, float]] = []
         self.execution = self._new_execution()
         mission.has_room = lambda: self.time_s >= min(NO_ROOM_S, self.ready_s)
         mission.may_clear = lambda: not (self.armed and self.state is MissionState.RUNNING)
@@ -181,9 +180,7 @@ class Autopilot:
             return "Gyros inconsistent"
         if self.mode in NAVIGATING and not self.can_navigate:
             return "Need Position Estimate"
-        if self.parameters["FENCE_ENABLE"] and self.fence_breach_m() is not None:
-            return "Vehicle breaching fence"
-        return None
+        return self.guard.objection()
 
     def arm(self, *, force: bool = False) -> bool:
         """Arm unless a check objects; `force` skips the checks."""
@@ -194,6 +191,7 @@ class Autopilot:
             self.say(CRITICAL, f"Arm: {objection}")
             return False
         self.armed = True
+        self.crumbs.begin()
         self.say(INFO, "Throttle armed")
         self.events.append(("mode", 0, ""))
         return True
@@ -245,8 +243,13 @@ class Autopilot:
             self.loiter()
         elif mode is Mode.RTL:
             self.head_home()
+        elif mode is Mode.SMART_RTL:
+            self._way_home = self.crumbs.way_home()
+            self.head_home()
+            self._next_crumb()
         elif mode in (Mode.LOITER, Mode.GUIDED):
             self.loiter()
+        self.guard.mode_changed()
         self.events.append(("mode", 0, ""))
         return True
 
@@ -271,20 +274,9 @@ class Autopilot:
         self.speed_m_s = speed_m_s
         return True
 
-    def fence_breach_m(self) -> float | None:
-        """Return how far outside its fence the boat is (0 inside an exclusion), None if inside."""
-        kinds = int(self.parameters["FENCE_TYPE"])
-        worst: float | None = None
-        if kinds & FENCE_CIRCLE and self.home is not None:
-            away = math.hypot(*offset_m(*self.home, self.boat.lat, self.boat.lon))
-            if away > self.parameters["FENCE_RADIUS"]:
-                worst = away - self.parameters["FENCE_RADIUS"]
-        if kinds & FENCE_POLYGON and self.fence.items:
-            union = bool(int(self.parameters["FENCE_OPTIONS"]) & FENCE_UNION)
-            outside = polygon_breach_m(self.fence.items, self.boat.lat, self.boat.lon, union=union)
-            if outside is not None:
-                worst = max(worst or 0.0, outside)
-        return worst
+    def fence_breaches_m(self) -> dict[int, float]:
+        """Return how far outside its fences the boat is, by FENCE_TYPE's bits; empty inside."""
+        return self.guard.breaches_m()
 
     # --- time ---
 
@@ -306,7 +298,7 @@ class Autopilot:
         self.boat.current_m_s = self._current_m_s()
         if self.mode is Mode.AUTO:
             self._run_auto(dt_s)
-        elif self.mode is Mode.RTL or self.mode is Mode.GUIDED:
+        elif self.mode in (Mode.RTL, Mode.SMART_RTL, Mode.GUIDED):
             self._follow(dt_s)
         elif self.mode is Mode.LOITER:
             self._stay(dt_s)
@@ -314,29 +306,23 @@ class Autopilot:
             self.boat.coast(dt_s)
         if self.armed:
             self.camera.look()
-        if self.armed and self.parameters["FENCE_ENABLE"] and self.time_s >= self._fence_next_s:
-            self._fence_next_s = self.time_s + FENCE_CHECK_S
-            self._check_fence()
+            self.crumbs.look()
+            self.guard.look()
 
-    def _check_fence(self) -> None:
-        breach_m = self.fence_breach_m()
-        if breach_m is None:
-            self._breached = False
-            return
-        if self._breached:
-            return
-        self._breached = True
-        self.say(CRITICAL, "Fence Breached")
-        self._act_on_breach(breach_m)
-
-    def _act_on_breach(self, breach_m: float) -> None:
+    def act_on_breach(self, breach_m: float) -> None:
+        """Do what FENCE_ACTION says about a new breach."""
         action = int(self.parameters["FENCE_ACTION"])
         if action == 0:
             return
         if action == 5:
             self.disarm()
-        elif breach_m > GIVE_UP_FENCE_M or action in (2, 4) or not self.set_mode(Mode.RTL):
-            self.set_mode(Mode.HOLD)
+            return
+        wanted = {1: (Mode.RTL,), 3: (Mode.SMART_RTL, Mode.RTL), 4: (Mode.SMART_RTL,)}
+        choices = () if breach_m > GIVE_UP_FENCE_M else wanted.get(action, ())
+        for mode in choices:
+            if self.set_mode(mode):
+                return
+        self.set_mode(Mode.HOLD)
 
     # --- moving ---
 
@@ -352,10 +338,13 @@ class Autopilot:
             and not (self.mode is Mode.AUTO and self.submode is SubMode.WAYPOINT)
             and self.leg.reached(self.boat, radius_m)
         ):
+            if self.mode is Mode.SMART_RTL and self._way_home:
+                self._next_crumb()
+                return
             self.arrived_s = self.time_s
             if self.leg.stops:
                 self.loiterer.begin()
-            if self.mode is Mode.RTL:
+            if self.mode in (Mode.RTL, Mode.SMART_RTL):
                 self.say(INFO, "Reached destination")
         if self.arrived_s is not None and self.leg.stops:
             self._stay(dt_s)
@@ -404,6 +393,14 @@ class Autopilot:
         self.arrived_s = None
         self.submode = SubMode.RETURN
 
+    def _next_crumb(self) -> None:
+        """Steer for the next point of the way back."""
+        assert self.leg is not None
+        if self._way_home:
+            target = self._way_home.pop()
+            after = self._way_home[-1] if self._way_home else None
+            self.leg = Leg((self.boat.lat, self.boat.lon), target, after)
+
     def _refuge(self) -> tuple[float, float]:
         """Return the nearest rally point within its limit, or home."""
         assert self.home is not None
@@ -447,7 +444,9 @@ class Autopilot:
         if mode is Mode.AUTO and self.mission.count() <= 1:
             self.say(NOTICE, "No Mission. Can't set AUTO.")
             return False
-        return mode is not Mode.RTL or self.home is not None
+        if mode is Mode.SMART_RTL and self.armed:
+            return self.crumbs.active
+        return mode not in (Mode.RTL, Mode.SMART_RTL) or self.home is not None
 
     def set_home_here(self) -> None:
         """Make the present position home."""

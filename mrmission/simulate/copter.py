@@ -9,7 +9,7 @@ import enum
 import math
 from dataclasses import replace
 
-from mrmission.simulate.autopilot import FENCE_CHECK_S, FIXED_SHARE, GIVE_UP_FENCE_M, Autopilot
+from mrmission.simulate.autopilot import FIXED_SHARE, GIVE_UP_FENCE_M, Autopilot
 from mrmission.simulate.copter_mission import CopterExecution
 from mrmission.simulate.copter_motion import FlightLimits, Rotorcraft, Route, Vector
 from mrmission.simulate.execution import SubMode
@@ -417,9 +417,7 @@ class CopterPilot(Autopilot):
         if not self.armed:
             return
         self._disarm_idle()
-        if self.parameters["FENCE_ENABLE"] and self.time_s >= self._fence_next_s:
-            self._fence_next_s = self.time_s + FENCE_CHECK_S
-            self._check_fence()
+        self.guard.look()
 
     def _fly(self, dt_s: float) -> None:
         if self.stage is Stage.TAKEOFF:
@@ -534,15 +532,16 @@ class CopterPilot(Autopilot):
 
     # --- fence ---
 
-    def fence_breach_m(self) -> float | None:
-        """Return how far outside its fence the copter is, its height included; None if inside."""
-        worst = super().fence_breach_m()
+    def fence_breaches_m(self) -> dict[int, float]:
+        """Return how far outside its fences the copter is, its height included."""
+        found = super().fence_breaches_m()
         above = self.copter.alt_m - self.parameters["FENCE_ALT_MAX"]
         if int(self.parameters["FENCE_TYPE"]) & FENCE_ALT_MAX and above > 0:
-            worst = max(worst or 0.0, above)
-        return worst
+            found[FENCE_ALT_MAX] = above
+        return found
 
-    def _act_on_breach(self, breach_m: float) -> None:
+    def act_on_breach(self, breach_m: float) -> None:
+        """Do what FENCE_ACTION says about a new breach."""
         action = int(self.parameters["FENCE_ACTION"])
         if action == 0:
             return

@@ -138,6 +138,8 @@ IN_FORCE = frozenset(
         "RTL_SPEED",
         "SIM_TIDE_DIR",
         "SIM_TIDE_SPEED",
+        "SRTL_ACCURACY",
+        "SRTL_POINTS",
         "SYSID_THISMAV",
         "WP_RADIUS",
         "WP_SPEED",

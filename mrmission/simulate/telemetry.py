@@ -104,7 +104,7 @@ def sys_status(vehicle: SimVehicle) -> Message:
         present |= mavlink.MAV_SYS_STATUS_GEOFENCE
         if vehicle.parameters["FENCE_ENABLE"]:
             enabled |= mavlink.MAV_SYS_STATUS_GEOFENCE
-            if vehicle.autopilot.fence_breach_m() is None:
+            if not vehicle.autopilot.fence_breaches_m():
                 health |= mavlink.MAV_SYS_STATUS_GEOFENCE
     return mavlink.MAVLink_sys_status_message(
         present, enabled, health, 100, 12600, 0, 100, 0, 0, 0, 0, 0, 0

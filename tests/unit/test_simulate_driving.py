@@ -202,7 +202,7 @@ def test_auto_without_a_mission_is_refused() -> None:
 
 def test_unknown_modes_are_refused() -> None:
     station = Station()
-    assert station.command(MODE, 1, 12) == FAILED
+    assert station.command(MODE, 1, 9) == FAILED
     assert station.command(MODE, 1, 99) == FAILED
     assert station.command(MODE, 0, HOLD) == mavlink.MAV_RESULT_DENIED
 
@@ -245,7 +245,7 @@ def test_arming_outside_an_enabled_fence_is_refused_unless_forced() -> None:
     far = [item._replace(x=item.x + 20_000) for item in polygon(8)]
     assert station.upload(far, FENCE) == 0
     assert station.command(ARM, 1) == FAILED
-    assert "Arm: Vehicle breaching fence" in station.texts()
+    assert "Arm: Vehicle breaching Polygon fence" in station.texts()
     assert station.upload(polygon(8), FENCE) == 0
     assert station.command(ARM, 1) == OK
     station.command(ARM, 0)
@@ -365,7 +365,7 @@ def test_leaving_the_fence(action: int, mode: int) -> None:
     station.command(ARM, 1)
     station.command(mavlink.MAV_CMD_MISSION_START)
     station.wait(70.0)
-    assert "Fence Breached" in station.texts()
+    assert "Polygon fence breached" in station.texts()
     assert station.vehicle.autopilot.mode == mode
 
 
