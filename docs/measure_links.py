@@ -3,11 +3,13 @@
     python docs/measure_links.py loss --engine light --client pymavlink --boats 10
     python docs/measure_links.py loss --engine ardupilot --client mavsdk --losses 10 20
     python docs/measure_links.py speed --engine ardupilot
+    python docs/measure_links.py parse
 
 `loss` replaces a mission of 100 items, a fence and two rally points by another, as ``mrmission
 upload`` does, 20 times per loss, through a proxy that loses that share of the packets each way and
 doubles and delays half as many. Then it looks at every vehicle over the same link without faults.
-`speed` uploads and reads back 50, 300 and 600 items, with both clients. ArduRover runs at its own
+`speed` uploads and reads back 50, 300 and 600 items, with both clients. `parse` times a second of
+telemetry of 32 vehicles. ArduRover runs at its own
 pace (speed-up 1); it is taken from ``ARDUROVER`` or ``PATH``.
 """
 
@@ -29,6 +31,7 @@ import numpy as np
 from mrmission.model import FencePolygon, Mission, MissionItem, RallyPoint
 from mrmission.simulate import ArdupilotFleet, SimulatedFleet
 from mrmission.vehicle.connection import parse_connections
+from mrmission.vehicle.framing import Codec, FrameReader, mavlink
 from mrmission.vehicle.items import MissionType, RawItem, to_raw
 from mrmission.vehicle.links import LinkTimeouts, open_links
 from mrmission.vehicle.readback import compare_items
@@ -159,7 +162,8 @@ async def losses(engine: str, client: str, shares: list[int], tries: int, count:
                             await upload_fleet([plan], [links[row.robot - 1]])
             say(
                 f"| {ENGINES[engine]} | {CLIENTS[client]} | {share} % "
-                f"| {ends['verified']} of {tries} | {ends['old']} | {ends['empty']} | {ends['unknown']} | {ends['WRONG']} "
+                f"| {ends['verified']} of {tries} | {ends['old']} | {ends['empty']} "
+                f"| {ends['unknown']} | {ends['WRONG']} "
                 f"| {statistics.median(took_s):.1f} s | {max(took_s):.1f} s "
                 f"| {attempts / tries:.2f} |"
             )
@@ -207,10 +211,27 @@ async def speeds(engine: str, clients: list[str], counts: list[int]) -> None:
                     )
 
 
+def parsing(vehicles: int = 32, rate_hz: int = 50) -> None:
+    """Print what a second of telemetry of a whole fleet costs, wanted or not."""
+    codec = Codec(7, 1)
+    count = vehicles * rate_hz
+    stream = b"".join(
+        codec.encode(mavlink.MAVLink_global_position_int_message(n, 1, 2, 3, 4, 5, 6, 7, 8))
+        for n in range(count)
+    )
+    began_s = time.process_time()
+    frames = FrameReader().feed(stream)
+    cut_s = time.process_time() - began_s
+    for frame in frames:
+        codec.decode(frame)
+    all_s = time.process_time() - began_s
+    say(f"{count} messages: {cut_s * 1e3:.1f} ms cut into frames, {all_s * 1e3:.1f} ms decoded too")
+
+
 def main() -> None:
     """Read the command line and measure."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("what", choices=("loss", "speed"))
+    parser.add_argument("what", choices=("loss", "speed", "parse"))
     parser.add_argument("--engine", choices=sorted(ENGINES), default="light")
     parser.add_argument("--client", choices=sorted(CLIENTS), nargs="+", default=sorted(CLIENTS))
     parser.add_argument("--losses", type=int, nargs="+", default=list(LOSSES))
@@ -218,6 +239,9 @@ def main() -> None:
     parser.add_argument("--tries", type=int, default=20)
     parser.add_argument("--boats", type=int, default=4, help="how many at once")
     given = parser.parse_args()
+    if given.what == "parse":
+        parsing()
+        return
     if given.what == "speed":
         asyncio.run(speeds(given.engine, given.client, given.counts))
         return

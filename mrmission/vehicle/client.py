@@ -232,7 +232,7 @@ class Vehicle(Autopilot):
         await run_machine(self, machine, mission_type)
         if machine.result == TIMEOUT:
             raise LinkTimeoutError(
-                f"{self.where()}: no answer to clearing its {mission_type.label}"
+                f"{self.where()}: no answer to clearing its {mission_type.label}{self._aside()}"
             )
         if machine.result != SUCCESS:
             raise self._failed(f"clearing of {mission_type.label}", str(machine.result))
@@ -241,25 +241,25 @@ class Vehicle(Autopilot):
         aside = self._aside(_MEANING.get(result, ""))
         return TransferError(f"{self.where()}: {what} failed: {result}{aside}", result=result)
 
-    def _aside(self, otherwise: str = "") -> str:
-        text = self.company() or otherwise
+    def _aside(self, meaning: str = "") -> str:
+        text = self._disturbance() or "; ".join(filter(None, (meaning, self.company())))
         return f" ({text})" if text else ""
 
-    def company(self) -> str:
-        """Return in a line what disturbs: who else is here, a link that is down, a missing key."""
-        others = ", ".join(map(str, self.link.stations()))
+    def _disturbance(self) -> str:
+        """Return why nothing can go well on this link at present."""
         if self.rival is not None:
             return (
                 f"ground station {self.rival} is transferring to this vehicle at the same time: "
                 "let one program finish first"
             )
-        if self.link.down:
-            return self.link.down
         if self.link.signed_heartbeats and not self.link.codec.signed:
             return "it signs its packets, and takes signed ones only: give --sign-key-file"
-        if others:
-            return f"ground station {others} is on this link too: one program at a time"
-        return ""
+        return self.link.down
+
+    def company(self) -> str:
+        """Return in a line which other ground stations are on the link; nothing where none is."""
+        others = ", ".join(map(str, self.link.stations()))
+        return f"ground station {others} is on this link too" if others else ""
 
 
 _MEANING = {

@@ -18,6 +18,7 @@ from mrmission.errors import ConfigError, LinkTimeoutError, VehicleError
 from mrmission.vehicle.client import Vehicle, open_links
 from mrmission.vehicle.connection import parse_connection, parse_connections
 from mrmission.vehicle.framing import Codec, Frame, FrameReader, Signing
+from mrmission.vehicle.items import MissionType
 from mrmission.vehicle.links import LinkTimeouts
 from mrmission.vehicle.links import open_links as open_by_name
 from mrmission.vehicle.transport import LinkOpenError, make_transport
@@ -170,7 +171,8 @@ async def test_a_signed_link() -> None:
         async with open_links(connections, expected=1, timeouts=QUICK) as found:
             vehicle = found.vehicles[5]
             assert await vehicle.parameter("WP_SPEED") is None
-            assert "give --sign-key-file" in vehicle.company()
+            with pytest.raises(VehicleError, match="give --sign-key-file"):
+                await vehicle.clear(MissionType.FENCE)
 
 
 async def test_a_wrong_key_is_said() -> None:
