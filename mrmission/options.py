@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 from mrmission.errors import ConfigError
+from mrmission.tour.time_table import STEERINGS, TimeTable
 
 METHODS = ("crc", "cac", "fhk", "nrc", "minmax")
 VEHICLES = ("boat", "rover", "copter")
@@ -74,6 +75,9 @@ class PlanOptions:
     trigger_distance_m: float = 0.0
     trigger: str = "lanes"
     turnaround_m: float = 0.0
+    steering: str = "steered"
+    wp_radius_m: float = 1.0
+    time_table: TimeTable | None = None
     berth_spacing_m: float = 15.0
     fence: bool = True
     fence_margin_m: float = 2.0
@@ -139,6 +143,16 @@ class PlanOptions:
             self.altitude_above,
             "home, except for --vehicle copter",
         )
+        check(
+            self.steering in STEERINGS,
+            "--steering",
+            self.steering,
+            "one of " + ", ".join(STEERINGS),
+        )
+        check(
+            math.isfinite(self.wp_radius_m) and 0 < self.wp_radius_m <= 100,
+            "--wp-radius", self.wp_radius_m, "above 0 and at most 100 m",
+        )  # fmt: skip
         check(self.trigger in TRIGGERS, "--trigger", self.trigger, "one of " + ", ".join(TRIGGERS))
         check(
             self.trigger_distance_m == 0
@@ -187,5 +201,7 @@ class PlanOptions:
             value = getattr(self, item.name)
             if isinstance(value, VehicleLimits):
                 value = {f.name: getattr(value, f.name) for f in fields(value)}
+            elif isinstance(value, TimeTable):
+                value = {"vehicle": value.vehicle, "command": value.command}
             out[item.name] = value
         return out

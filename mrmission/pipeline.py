@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import platform
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -52,7 +53,7 @@ from mrmission.partition.bound import area_bound_s
 from mrmission.partition.problem import Assignment, Visit
 from mrmission.routing.harbour import Harbour
 from mrmission.tour.coverage import Uncovered
-from mrmission.tour.order import U_TURN_S, PieceBook
+from mrmission.tour.order import PieceBook
 from mrmission.tour.path import assemble_paths
 from mrmission.tour.repair import fleet_legs, number_lanes, pieces_to_repair, repair, total_area
 from mrmission.tour.separation import delay_notes, start_delays_s, timeline
@@ -130,7 +131,12 @@ def plan(
         )
     groups, unreached = _robots_by_part(pieces, water, frame, options, notes)
     time = TimeModel(
-        survey_speed_m_s=options.survey_speed_m_s, transit_speed_m_s=options.transit_speed_m_s
+        survey_speed_m_s=options.survey_speed_m_s,
+        transit_speed_m_s=options.transit_speed_m_s,
+        steering=options.steering,
+        radius_m=options.wp_radius_m,
+        swath_m=options.swath_m,
+        table=options.time_table,
     )
     on_stage("planning")
     parts = [
@@ -222,7 +228,9 @@ def _plan_part(
             )
     bearing = options.angle_deg
     if bearing is None:
-        bearing = best_bearing_deg(part, spacing, options.survey_speed_m_s, U_TURN_S)
+        bearing = best_bearing_deg(
+            part, spacing, options.survey_speed_m_s, time.lane_turn_s(spacing)
+        )
     sweep = sweep_region(part, bearing % 180.0, spacing)
     harbour = Harbour(part, homes)
     if options.method == "minmax":
@@ -503,6 +511,21 @@ def _covered_beyond(
     uncovered = Uncovered(sweep.frame.turn(rest), sweep.column_pitch_m, options.swath_m / 2)
     legs = fleet_legs(paths, sweep.frame, lanes_alone=options.lanes_alone_count)
     return float(rest.area) - total_area(uncovered.remainder(legs))
+
+
+def _swing_notes(paths: Sequence[CoveragePath], options: PlanOptions, time: TimeModel) -> list[str]:
+    """Say how wide the vehicles swing at corners, where the clearance leaves less than that."""
+    if options.vehicle == "copter":
+        return []
+    swing = max((time.swing_m(p.points_m, p.kind) for p in paths), default=0.0)
+    if swing <= options.clearance_m:
+        return []
+    how = f"{options.steering} at {time.top_speed_m_s:g} m/s, WP_RADIUS {options.wp_radius_m:g}"
+    note = (
+        f"turns swing up to {swing:.1f} m off the planned way ({how}); --clearance is "
+        f"{options.clearance_m:g} m: keep {math.ceil(swing)} m where the shore is hard"
+    )
+    return [note]
 
 
 def _robot_row(

@@ -28,7 +28,7 @@ RUN_IN_M = 60.0
 LANE_M = 40.0
 LEAST_LANE_S = 14.0
 MOST_LANE_S = 20.0
-"""A leg between manoeuvres is `LANE_M`, but no less and no more than is sailed in so many seconds."""
+"""Legs between manoeuvres are `LANE_M`, but no less and no more than these seconds of sailing."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -18,6 +18,7 @@ from mrmission.options import (
     PlanOptions,
     VehicleLimits,
 )
+from mrmission.tour.time_table import STEERINGS, read_table
 
 F = TypeVar("F", bound=Callable[..., Any])
 DEFAULT = PlanOptions()
@@ -131,6 +132,27 @@ _PLAN = [
         help="What sails, drives or flies.",
     ),
     click.option(
+        "--steering",
+        type=click.Choice(STEERINGS),
+        default=DEFAULT.steering,
+        show_default=True,
+        help="How a boat turns: with a rudder, or on the spot; for durations.",
+    ),
+    click.option(
+        "--wp-radius",
+        "wp_radius_m",
+        type=float,
+        default=DEFAULT.wp_radius_m,
+        show_default=True,
+        help="The vehicles' WP_RADIUS, m; for durations.",
+    ),
+    click.option(
+        "--time-model",
+        type=click.Path(path_type=Path),
+        metavar="FILE",
+        help="Table of `mrmission calibrate`.  [default: ArduRover in SITL]",
+    ),
+    click.option(
         "--altitude",
         "altitude_m",
         type=float,
@@ -242,6 +264,9 @@ def build_options(**flags: Any) -> PlanOptions:
         raise ConfigError(f"--max-items {max_items}: must be at least 4")
     if fence_bytes < 26:
         raise ConfigError(f"--fence-bytes {fence_bytes}: must be at least 26, one triangle")
+    time_model = flags.pop("time_model", None)
+    if time_model is not None:
+        flags["time_table"] = read_table(time_model)
     flags["limits"] = VehicleLimits(
         mission_items=max_items,
         fence_bytes=fence_bytes,

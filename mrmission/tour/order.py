@@ -16,8 +16,6 @@ from mrmission.tour.timing import TimeModel
 
 MIN_LANE_M = 1e-3
 """Shorter pieces of a lane cut in two are dropped; the coverage check sees what they leave."""
-U_TURN_S = 6.2
-"""Two corners between neighbouring lanes, for ranking alternatives only."""
 
 
 class Distances(Protocol):
@@ -52,6 +50,7 @@ class PieceBook:
         self._ends = sweep.frame.to_local(sweep.lane_ends_m())
         self._distances = distances
         self._time = time
+        self._turn_s = time.lane_turn_s(sweep.column_pitch_m)
         self._halves: dict[Visit, FloatArray] = {}
         self._inner_m: dict[Visit, FloatArray] = {}
 
@@ -90,7 +89,7 @@ class PieceBook:
         return (
             length / self._time.survey_speed_m_s
             + gaps / self._time.transit_speed_m_s
-            + (len(ends_m) - 1) * U_TURN_S
+            + (len(ends_m) - 1) * self._turn_s
         )
 
     def order(self, visits: Sequence[Visit], home_m: FloatArray | None) -> FloatArray:

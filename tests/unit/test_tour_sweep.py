@@ -8,7 +8,6 @@ import shapely
 from lakes import random_lake_m
 
 from mrmission.decomposition.slices import lane_intervals
-from mrmission.tour.order import U_TURN_S
 from mrmission.tour.sweep import (
     SweepFrame,
     best_bearing_deg,
@@ -17,6 +16,9 @@ from mrmission.tour.sweep import (
     sweep_cost_s,
     sweep_region,
 )
+
+
+TURN_S = 6.0
 
 
 def lakes(count: int):
@@ -100,14 +102,14 @@ def test_cells_have_one_lane_per_column_at_most() -> None:
 @pytest.mark.parametrize("turned_deg", [0.0, 33.0, 90.0, 141.5])
 def test_the_long_side_of_a_rectangle_is_the_bearing(turned_deg: float) -> None:
     rectangle = shapely.affinity.rotate(shapely.box(-20, -200, 20, 200), -turned_deg, origin=(0, 0))
-    best = best_bearing_deg(rectangle, 10.0, 2.0, U_TURN_S)
+    best = best_bearing_deg(rectangle, 10.0, 2.0, TURN_S)
     off = abs((best - turned_deg + 90) % 180 - 90)
     assert off < 0.01
 
 
 def test_the_best_bearing_is_no_worse_than_a_fan() -> None:
     for _, lake in lakes(6):
-        best = best_bearing_deg(lake, 12.0, 2.0, U_TURN_S)
-        cost = sweep_cost_s(lake, best, 12.0, 2.0, U_TURN_S)
+        best = best_bearing_deg(lake, 12.0, 2.0, TURN_S)
+        cost = sweep_cost_s(lake, best, 12.0, 2.0, TURN_S)
         for bearing in range(0, 180, 15):
-            assert cost <= sweep_cost_s(lake, float(bearing), 12.0, 2.0, U_TURN_S) + 1e-9
+            assert cost <= sweep_cost_s(lake, float(bearing), 12.0, 2.0, TURN_S) + 1e-9
