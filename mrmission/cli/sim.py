@@ -117,8 +117,8 @@ def parse_parameter(text: str) -> tuple[str, float]:
 )
 @click.option(
     "--model",
-    help="ardupilot: motorboat, motorboat-skid (turns on the spot), rover, quad.  [default: by "
-    "--vehicle]",
+    help="ardupilot: motorboat, motorboat-skid or pivoting (turn on the spot), rover, quad.  "
+    "[default: by --vehicle]",
 )
 @click.option(
     "--param",

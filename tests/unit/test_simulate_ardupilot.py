@@ -17,7 +17,7 @@ import pytest
 from click.testing import CliRunner
 
 from mrmission.cli.homes import plan_homes
-from mrmission.cli.sim import sim
+from mrmission.cli.main import cli
 from mrmission.errors import ConfigError, InputError, SimulatorError
 from mrmission.mission.qgc_plan import write_plan
 from mrmission.model import Mission
@@ -273,7 +273,7 @@ def test_without_a_program_the_message_says_where_to_get_one(
 ) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.delenv("ARDUROVER", raising=False)
-    result = CliRunner().invoke(sim, ["--engine", "ardupilot", "--home", "8.5,47.3"])
+    result = CliRunner().invoke(cli, ["sim", "--engine", "ardupilot", "--home", "8.5,47.3"])
     assert isinstance(result.exception, SimulatorError)
     assert result.exception.exit_code == 5
     assert "no ardurover found" in str(result.exception)
@@ -292,7 +292,8 @@ def test_without_a_program_the_message_says_where_to_get_one(
         (["--engine", "ardupilot", "--k", "251"], "--k 251"),
         (["--engine", "ardupilot", "--loss", "0.1"], "--loss"),
         (["--keep", "there"], "--keep"),
-        (["--model", "quad"], "light engine"),
+        (["--model", "motorboat-skid"], "light engine"),
+        (["--model", "quad", "--vehicle", "boat"], "that is a copter"),
         (["--engine", "ardupilot", "--model", "submarine"], "motorboat-skid"),
         (["--engine", "ardupilot", "--base-port", "100"], "--base-port 100"),
         (["--engine", "ardupilot", "--base-port", "65534"], "65536"),
@@ -302,7 +303,7 @@ def test_without_a_program_the_message_says_where_to_get_one(
     ],
 )
 def test_bad_options(arguments: list[str], said: str) -> None:
-    result = CliRunner().invoke(sim, arguments)
+    result = CliRunner().invoke(cli, ["sim", *arguments])
     assert isinstance(result.exception, ConfigError), result.output
     assert said in str(result.exception)
     # nothing was assumed for a command that cannot run
@@ -420,7 +421,7 @@ def test_the_homes_of_plans(tmp_path: Path) -> None:
     # the second can't lie on the first: it lies beside it
     assert [round(x) for x in offset_m(47.3, 8.5, got[1][1], got[1][0])] == [15, 0]
     with pytest.raises(ConfigError, match=r"--k 2: .* 3 robots"):
-        sim.main(["--for", str(tmp_path), "--k", "2"], standalone_mode=False)
+        cli.main(["sim", "--for", str(tmp_path), "--k", "2"], standalone_mode=False)
     with pytest.raises(InputError, match="no robot-1"):
         plan_homes(tmp_path.parent)
     with pytest.raises(InputError, match="not a folder"):

@@ -15,7 +15,8 @@ import pytest
 from click.testing import CliRunner
 from sim_client import Station
 
-from mrmission.cli.sim import parse_lonlat, parse_parameter, sim
+from mrmission.cli.main import cli
+from mrmission.cli.sim import parse_lonlat, parse_parameter
 from mrmission.errors import ConfigError, SimulatorError
 from mrmission.simulate import Faults, FleetThread, SimulatedFleet, berths_lonlat
 from mrmission.simulate.motion import offset_m
@@ -213,7 +214,7 @@ def test_positions_and_parameters() -> None:
      ["--speedup", "0"], ["--home", "1;2"], ["--sysid", "300"]],
 )  # fmt: skip
 def test_bad_options_are_configuration_errors(arguments: list[str]) -> None:
-    result = CliRunner().invoke(sim, arguments)
+    result = CliRunner().invoke(cli, ["sim", *arguments])
     assert isinstance(result.exception, ConfigError)
 
 
