@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import math
+import signal
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Coroutine, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
@@ -20,6 +22,11 @@ if TYPE_CHECKING:
     from mrmission.vehicle.capacity import Caps, KnownLimits
     from mrmission.vehicle.framing import Signing
     from mrmission.vehicle.rows import UploadRow, UploadTimeouts
+
+T = TypeVar("T")
+
+TASK_NAME = "robot "
+"""How the names of the tasks begin that talk to one vehicle each."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,6 +68,42 @@ def ask_limits(count: int, links: LinkChoice) -> dict[int, KnownLimits]:
             signing=links.signing,
         )
     )
+
+
+def run_interruptibly(main: Coroutine[Any, Any, T]) -> T:
+    """Run a coroutine; Ctrl-C cancels it, a second Ctrl-C its vehicles' tasks once more.
+
+    A cancelled upload puts its vehicles in order, which takes a while; asyncio's own answer to a
+    second Ctrl-C is an exception in the middle of whatever runs, and vehicles of which nothing is
+    said.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        When it was interrupted.
+    """
+
+    async def guarded() -> T:
+        loop = asyncio.get_running_loop()
+        task = asyncio.ensure_future(main)
+
+        def interrupt() -> None:
+            if not task.cancelling():
+                task.cancel()
+                return
+            for one in asyncio.all_tasks():
+                if one.get_name().startswith(TASK_NAME):
+                    one.cancel()
+
+        # Signals are the main thread's; elsewhere nobody presses Ctrl-C.
+        with contextlib.suppress(NotImplementedError, RuntimeError, ValueError):
+            loop.add_signal_handler(signal.SIGINT, interrupt)
+        return await task
+
+    try:
+        return asyncio.run(guarded())
+    except asyncio.CancelledError:
+        raise KeyboardInterrupt from None
 
 
 def run_upload(
@@ -116,7 +159,7 @@ def run_upload(
     keeper = FolderKeeper(record_folder) if record_folder is not None and not simulate else None
     limits: dict[int, KnownLimits] = {}
     with upload_progress([mission.robot for mission in first]) as progress:
-        rows = asyncio.run(
+        rows = run_interruptibly(
             _upload(
                 missions,
                 connect=links.connect,

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
+import signal
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import replace
@@ -14,8 +16,10 @@ from boat_faults import Trouble
 from fleets import Engine
 from upload_missions import HOME, mission, missions
 
+from mrmission.cli.upload_run import LinkChoice, run_upload
 from mrmission.mission.qgc_plan import read_plan
 from mrmission.simulate import Faults, SimulatedFleet, transfer
+from mrmission.simulate.fleet import FleetThread
 from mrmission.simulate.storage import Item
 from mrmission.vehicle import mission_protocol
 from mrmission.vehicle.client import Vehicle
@@ -231,6 +235,38 @@ async def test_cancelling_twice_says_that_nothing_is_known() -> None:
     async with boat() as (link, _):
         told = await cancelled(link, times=2)
         assert told[-1].startswith("cancelled, what it stores is unknown: do not start it")
+
+
+@pytest.mark.parametrize("times", [1, 2])
+def test_ctrl_c(times: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with FleetThread(SimulatedFleet(count=2, home_lonlat=HOME, base_port=0)) as fleet:
+        troubles = [Trouble(fleet, index) for index in range(2)]
+        links = LinkChoice(connect=tuple(fleet.links), timeouts=QUICK)
+        old = missions(2, 300, shift=-70)
+        assert run_upload(old, links=links, record_folder=tmp_path) == 0
+
+        def interrupt() -> None:
+            os.kill(os.getpid(), signal.SIGINT)
+            if times > 1:
+                troubles[0].at(MissionType.FENCE, 2, interrupt_again)
+
+        def interrupt_again() -> None:
+            os.kill(os.getpid(), signal.SIGINT)
+
+        troubles[0].at(MissionType.MISSION, 100, interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            run_upload(missions(2, 600), links=links, record_folder=tmp_path)
+        err = capsys.readouterr().err
+        assert err.count("interrupted: vehicles get back what they held") == 1
+        states = [record.state for record in read_record(tmp_path)]
+        if times == 1:
+            assert err.count("cancelled, old mission restored") == 2
+            assert all(t.holds(o) for t, o in zip(troubles, old, strict=True))
+            assert states == [RecordState.FAILED] * 2
+        else:
+            assert "robot 1 (system id 1): cancelled, what it stores is unknown" in err
+            assert states[0] is RecordState.UNFINISHED
+            assert err.count("cancelled, ") == 2
 
 
 @pytest.mark.parametrize("kind", [MissionType.FENCE, MissionType.MISSION])
