@@ -10,6 +10,8 @@ from mrmission.tour.path import make_path
 
 SHORTEST_M = 0.5
 """Shorter run-ins are left out: they are less than a vehicle's acceptance radius."""
+AIM_M = 1.0
+"""A shorter leg, a remainder that will be merged with the next, does not say where a run goes."""
 TOUCH_M = 1e-6
 """A leg may lie this far outside the region: rounding, not travel."""
 
@@ -53,7 +55,10 @@ def with_turnarounds(
     # the point at which each run touches its lane, and the one where it meets the transit
     at = np.concatenate([heads, tails + 1])
     inner = points[at]
-    along = np.concatenate([points[heads] - points[heads + 1], points[tails + 1] - points[tails]])
+    leg = np.diff(points, axis=0)
+    first = [_straight(leg, survey, i, 1) for i in heads.tolist()]
+    final = [_straight(leg, survey, i, -1) for i in tails.tolist()]
+    along = np.concatenate([-leg[first], leg[final]]) if first or final else np.zeros((0, 2))
     along = along / np.hypot(along[:, 0], along[:, 1])[:, None]
     outer = inner + turnaround_m * along
     if region is not None:
@@ -85,6 +90,16 @@ def with_turnarounds(
         else:
             go(points[end], int(kind[i]), int(path.lane[i]))
     return make_path(path.robot, np.concatenate(out), kinds, lanes)
+
+
+def _straight(leg: FloatArray, survey: BoolArray, index: int, step: int) -> int:
+    """Return the first leg from the end of a stretch inwards that is long enough to aim by."""
+    at = index
+    while 0 <= at < len(leg) and survey[at]:
+        if np.hypot(*leg[at]) >= AIM_M:
+            return at
+        at += step
+    return index
 
 
 def _inside(inner: FloatArray, outer: FloatArray, region: shapely.Geometry) -> FloatArray:

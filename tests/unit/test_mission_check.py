@@ -182,3 +182,101 @@ def test_navigation_path_skips_commands() -> None:
     points, items = navigation_path(mission(ROUND))
     assert items == (0, 1, 3, 4, 5, 6, 7)
     assert points.shape == (7, 2)
+
+
+def flight(vehicle: str = "copter", **options: object) -> Mission:
+    chosen = PlanOptions(vehicle=vehicle, **options)  # type: ignore[arg-type]
+    path = np.array(ROUND) * DEG
+    items, kind, lane = build_items(path, np.array([0, 1, 0, 1]), np.array([0, 1, 0, 2]), chosen)
+    return Mission(
+        robot=1, sortie=1, vehicle=vehicle, items=items, fence=(), rally=(), kind=kind, lane=lane
+    )
+
+
+def changed(m: Mission, index: int, **changes: object) -> Mission:
+    items = list(m.items)
+    items[index] = dataclasses.replace(items[index], **changes)  # type: ignore[arg-type]
+    return dataclasses.replace(m, items=tuple(items))
+
+
+def without(m: Mission, index: int) -> Mission:
+    items = [i for i in m.items if i.seq != index]
+    items = [dataclasses.replace(i, seq=k) for k, i in enumerate(items)]
+    return dataclasses.replace(m, items=tuple(items), kind=(), lane=())
+
+
+@pytest.mark.parametrize("vehicle", ["boat", "rover", "copter"])
+@pytest.mark.parametrize("photo_m", [0.0, 5.0])
+def test_good_missions_of_every_vehicle(vehicle: str, photo_m: float) -> None:
+    assert rules(flight(vehicle, trigger_distance_m=photo_m)) == []
+    if vehicle == "copter":
+        assert rules(flight(altitude_above="terrain", trigger_distance_m=photo_m)) == []
+
+
+def test_a_copter_takes_off_first_and_comes_down_last() -> None:
+    good = flight()
+    assert rules(without(good, 1)) == ["items"]
+    assert rules(without(good, len(good.items) - 1)) == ["items"]
+    landing = changed(
+        good, len(good.items) - 1, command=21, x=good.items[0].x, y=good.items[0].y, z=0.0
+    )
+    assert rules(landing) == []
+
+
+def test_a_waypoint_on_the_ground_is_no_height_for_a_copter() -> None:
+    (found,) = check_mission(changed(flight(), 4, z=0.0), WATER)
+    assert (found.rule, found.item, found.value) == ("altitude", 4, 0.0)
+    # on the water, 0 is what there is; above sea level, what 0 means depends on the place
+    assert rules(changed(flight("boat"), 4, z=0.0)) == []
+    assert rules(changed(flight(), 4, z=0.0, frame=0)) == []
+
+
+@pytest.mark.parametrize("command", [21, 22, 82])
+def test_what_a_boat_stores_and_does_not_execute(command: int) -> None:
+    assert rules(changed(flight("boat"), 4, command=command)) == ["items"]
+    assert rules(changed(flight("rover"), 4, command=command)) == ["items"]
+
+
+def test_a_camera_that_stays_on() -> None:
+    good = flight("boat", trigger_distance_m=5.0)
+    switches = [i.seq for i in good.items if i.command == 206]
+    (found,) = check_mission(without(good, switches[-1]), WATER)
+    assert (found.rule, found.item) == ("camera", switches[-2])
+    assert rules(changed(good, switches[0], param1=-1.0)) == ["camera"]
+    # the first lane's camera is off too late: the second one switches it on again, no harm
+    assert rules(without(good, switches[1])) == []
+
+
+def test_a_copter_has_less_room_than_a_boat() -> None:
+    path = np.array([(100.0 + 0.5 * i, 100.0) for i in range(649)] + [(100.0, 100.0)]) * DEG
+    path[1:-1:2, 1] += DEG
+    legs = len(path) - 1
+    for vehicle, expected in (("boat", []), ("copter", ["limits"])):
+        items, kind, lane = build_items(
+            path, np.ones(legs), np.arange(legs), PlanOptions(vehicle=vehicle)
+        )
+        m = Mission(
+            robot=1, sortie=1, vehicle=vehicle, items=items, fence=(), rally=(), kind=kind,
+            lane=lane,
+        )  # fmt: skip
+        assert 650 < len(items) <= 655
+        assert rules(m) == expected
+
+
+def test_turns_of_a_copter_may_reach_over_the_shore_as_far_as_was_said() -> None:
+    points = [(100.0, 100.0), (100.0, -20.0), (200.0, -20.0), (200.0, 100.0), (100.0, 100.0)]
+    path = np.array(points) * DEG
+    for vehicle, turnaround_m, expected in (
+        ("copter", 0.0, ["water"] * 3),
+        ("copter", 19.0, ["water"] * 3),
+        ("copter", 20.5, []),
+        ("boat", 20.5, ["water"] * 3),
+    ):
+        items, kind, lane = build_items(
+            path, np.zeros(4), np.zeros(4, dtype=int), PlanOptions(vehicle=vehicle)
+        )
+        m = Mission(
+            robot=1, sortie=1, vehicle=vehicle, items=items, fence=(), rally=(), kind=kind,
+            lane=lane,
+        )  # fmt: skip
+        assert rules(m, turnaround_m=turnaround_m) == expected
