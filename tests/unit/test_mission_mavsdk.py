@@ -81,13 +81,13 @@ def expected(mission: Mission) -> list[tuple[Any, ...]]:
     return out
 
 
-def sample(vehicle: str) -> Mission:
+def sample(vehicle: str, **options: Any) -> Mission:
     # values where degrees * 1e7 falls below the integer, because the importer truncates
     lat, lon = 299769035, -813123457
     path = np.array([[lon, lat], [lon + 7, lat + 1001], [lon + 9001, lat - 33], [lon, lat]]) / 1e7
     items, kind, lane = build_items(
         path, np.array([0, 1, 0]), np.array([0, 1, 0]),
-        PlanOptions(vehicle=vehicle, transit_speed_m_s=2.5),
+        PlanOptions(vehicle=vehicle, transit_speed_m_s=2.5, **options),
     )  # fmt: skip
     rng = np.random.default_rng(1)
     rings = [rng.integers([lat, lon], [lat + 99999, lon + 99999], (n, 2)) for n in (83, 3, 4)]
@@ -114,7 +114,13 @@ def check(data: Any, mission: Mission) -> None:
 
 
 def test_mavsdk_imports_our_items_fence_and_rally_points(boat_port: int) -> None:
+    photos = {"trigger_distance_m": 7.3}
     missions = [sample(vehicle) for vehicle in ("boat", "rover", "copter")]
+    missions += [sample(vehicle, **photos) for vehicle in ("boat", "rover", "copter")]
+    missions += [
+        sample("copter", altitude_above="terrain", altitude_m=42.25, trigger="continuous", **photos)
+    ]
+    assert {i.frame for i in missions[-1].items} == {0, 10}
     for data, mission in zip(
         imported(boat_port, [plan_text(m) for m in missions]), missions, strict=True
     ):
