@@ -72,7 +72,7 @@ class Autopilot:
         self._queues: dict[int, set[MessageQueue]] = {}
         self._latest: dict[int, tuple[float, Frame | Message]] = {}
         self._texts: deque[str] = deque(maxlen=20)
-        self._long_text: tuple[int, str] = (0, "")
+        self._long_text: tuple[int, int, str] = (0, 0, "")
         self._armed: bool | None = None
         self._mode = ""
         self._type = 0
@@ -128,15 +128,16 @@ class Autopilot:
 
     def _take_text(self, message: Message) -> None:
         """Keep a status text; one of several chunks is put together first."""
-        text = str(message.text)
-        number = int(getattr(message, "id", 0))
+        text, number, chunk = str(message.text), int(message.id), int(message.chunk_seq)
         if number:
-            before = self._long_text[1] if self._long_text[0] == number else ""
-            joined = before + text
-            if before and self._texts and self._texts[-1] == before:
-                self._texts.pop()
-            self._long_text = (number, joined)
-            text = joined
+            last, last_chunk, before = self._long_text
+            if (last, last_chunk) == (number, chunk):
+                return
+            if last == number and chunk:
+                text = before + text
+                if self._texts and self._texts[-1] == before:
+                    self._texts.pop()
+            self._long_text = (number, chunk, text)
         self._texts.append(text)
 
     @contextlib.contextmanager

@@ -21,6 +21,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from mrmission.errors import VehicleError
 from mrmission.simulate import SimulatedFleet
+from mrmission.vehicle import mission_protocol
 from mrmission.vehicle.client import Vehicle, open_links
 from mrmission.vehicle.connection import parse_connections
 from mrmission.vehicle.framing import SIGNING_EPOCH_S, Codec, Signing
@@ -190,7 +191,8 @@ async def test_a_boat_that_reboots_in_mid_transfer() -> None:
                 assert second.vehicles[0].mission.count() == 300
 
 
-async def test_a_boat_that_is_gone_is_said_to_be() -> None:
+async def test_a_boat_that_is_gone_is_said_to_be(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mission_protocol, "GIVE_UP_S", 1.5)
     async with contextlib.AsyncExitStack() as stack:
         fleet = await stack.enter_async_context(boats(1))
         proxy = LossyTcp(port_of(fleet.links[0]), Badness())
@@ -277,7 +279,8 @@ async def test_a_serial_line() -> None:
             assert "in use by another program" in reason
 
 
-async def test_a_serial_device_that_is_pulled() -> None:
+async def test_a_serial_device_that_is_pulled(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mission_protocol, "GIVE_UP_S", 1.5)
     async with (
         boats(1) as fleet,
         serial_boat(fleet.links[0]) as (device, near),

@@ -329,3 +329,21 @@ async def test_a_vehicle_that_answers_nothing() -> None:
             await vehicle.set_parameter("WP_RADIUS", 3.0)
         assert vehicle.position_lonlat() is None
         assert vehicle.gps_fix == 0
+
+
+async def test_long_status_texts_are_put_together() -> None:
+    async with (
+        SignedBoat(None) as link,
+        open_links(parse_connections([link]), expected=1, timeouts=QUICK) as found,
+    ):
+        vehicle = found.vehicles[5]
+        boat = Codec(5, 1)
+        for text, number, chunk in (
+            (b"short", 0, 0), (b"a" * 50, 3, 0), (b"a" * 50, 3, 0), (b"bcd", 3, 1), (b"end", 0, 0),
+        ):  # fmt: skip
+            message = mavlink.MAVLink_statustext_message(4, text, number, chunk)
+            for frame in FrameReader().feed(boat.encode(message)):
+                vehicle.handle(frame)
+        assert vehicle.status_texts() == ("short", "a" * 50 + "bcd", "end")
+        vehicle.forget_status_texts()
+        assert vehicle.status_texts() == ()
