@@ -181,9 +181,7 @@ def preflight_table(
         who = Text(f"■ {check.robot}", style=robot_colour(check.robot, dark=True))
         if not shown:
             mark, style = _MARKS["fine"]
-            table.add_row(
-                who, Text(mark, style=style), f"all {len(check.rows)} checks", "", "", ""
-            )
+            table.add_row(who, Text(mark, style=style), f"all {len(check.rows)} checks", "", "", "")
         for row in shown:
             mark, style = _MARKS[row.severity]
             table.add_row(

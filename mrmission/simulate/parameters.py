@@ -96,6 +96,8 @@ _TABLE: tuple[tuple[str, int, float], ...] = (
     ("RALLY_LIMIT_KM", REAL32, 0.5),
     ("RALLY_TOTAL", INT8, 0),
     ("RTL_SPEED", REAL32, 0.0),
+    ("SERVO1_FUNCTION", INT16, 26),
+    ("SERVO3_FUNCTION", INT16, 70),
     ("SIM_TIDE_DIR", REAL32, 0.0),
     ("SIM_TIDE_SPEED", REAL32, 0.0),
     ("SPEED_MAX", REAL32, 0.0),

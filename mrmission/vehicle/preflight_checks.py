@@ -59,6 +59,10 @@ RC_RANGE_M = 200.0
 """A hand-held transmitter's range over water that one may count on."""
 POLYGON_FENCE, CIRCLE_FENCE = 4, 2
 UNION_OPTION = 2
+AROUND_FENCES = 2
+"""OA_TYPE: Dijkstra's paths around fences."""
+LEFT_MOTOR, RIGHT_MOTOR = 73, 74
+"""SERVOn_FUNCTION of a boat with two motors."""
 USES_STRAIGHT_RETURN = (1, 3)
 USES_SMART_RETURN = (3, 4)
 
@@ -97,6 +101,8 @@ def _action(look: Look, *, none: Verdict) -> Verdict:
     if value == 2:
         return fine(best, "holds: a boat coasts on and then drifts with the current")
     if value in USES_STRAIGHT_RETURN and bad:
+        if look.other("OA_TYPE") == AROUND_FENCES and look.plan.fence_polygons:
+            return fine(best, "OA_TYPE 2 takes the return round the islands of the fence")
         return wrong(best, _share(look.plan))
     if value in USES_SMART_RETURN:
         return fine(best, "comes back by its own track")
@@ -265,19 +271,13 @@ def judge_avoid(look: Look) -> Verdict:
 
 
 def judge_path_planning(look: Look) -> Verdict:
-    """Judge: path planning leaves lanes near a fence."""
-    if look.value == 0:
+    """Judge: path planning takes returns round islands, and must leave lanes alone."""
+    value = int(look.value)
+    if value == AROUND_FENCES:
+        return fine("0 or 2", "returns go round the islands of the fence")
+    if value == 0:
         return FINE
-    margin = look.other("OA_MARGIN_MAX")
-    margin = 5.0 if margin is None else margin
-    near = look.plan.nearest_fence_m
-    if look.plan.fence_polygons and near < margin:
-        why = (
-            f"the way comes within {near:.1f} m of the fence, OA_MARGIN_MAX keeps {margin:g} m: "
-            "it leaves its lanes there, or stops"
-        )
-        return wrong("0", why)
-    return doubtful("0", "it may leave its lanes to go round what it takes for obstacles")
+    return doubtful("0 or 2", "bendy ruler leaves lanes for what it takes for obstacles")
 
 
 # --- sailing -------------------------------------------------------------------------------------
@@ -329,6 +329,14 @@ def judge_cruise(look: Look) -> Verdict:
     if look.value <= 0:
         return wrong("above 0", "its throttle has no reference")
     return fine("measured at CRUISE_THROTTLE")
+
+
+def judge_pivot(look: Look) -> Verdict:
+    """Judge: turning on the spot, on a boat that can."""
+    motors = (look.parameters.get("SERVO1_FUNCTION"), look.parameters.get("SERVO3_FUNCTION"))
+    if look.value == 0 or not {LEFT_MOTOR, RIGHT_MOTOR} & set(motors):
+        return FINE
+    return doubtful("0 where there is current", "in 0.6 m/s of current a pivot never ended")
 
 
 def judge_frame(look: Look) -> Verdict:
@@ -438,7 +446,9 @@ def judge_crash(look: Look) -> Verdict:
     """Judge: standing still counts as a crash."""
     if look.value == 0:
         return FINE
-    return doubtful("0", "a boat that stands still against a current counts as crashed, and drifts")
+    return doubtful(
+        "0", "no headway for 2 s with the motors on counts as a crash: it holds, and drifts"
+    )
 
 
 def judge_ekf(look: Look) -> Verdict:

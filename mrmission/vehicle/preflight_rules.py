@@ -29,6 +29,7 @@ from mrmission.vehicle.preflight_checks import (
     judge_initial_mode,
     judge_link_state,
     judge_path_planning,
+    judge_pivot,
     judge_position,
     judge_prearm,
     judge_radio,
@@ -150,6 +151,15 @@ RULES: tuple[Rule, ...] = (
         judge=judge_radius,
     ),
     Rule(
+        subject="WP_PIVOT_ANGLE",
+        names=("WP_PIVOT_ANGLE", "PIVOT_TURN_ANGLE"),
+        vehicles=("boat",),
+        wanted="0 on a boat with two motors where there is current",
+        why="it stops at corners to turn on the spot, and may stay there",
+        judge=judge_pivot,
+        absent=Severity.FINE,
+    ),
+    Rule(
         subject="WP_SPEED",
         names=("WP_SPEED",),
         vehicles=ON_GROUND,
@@ -238,8 +248,8 @@ RULES: tuple[Rule, ...] = (
     Rule(
         subject="OA_TYPE",
         names=("OA_TYPE",),
-        wanted="0",
-        why="path planning leaves lanes near fences",
+        wanted="0, or 2 (returns round islands)",
+        why="without it a return is a straight line",
         judge=judge_path_planning,
         absent=Severity.FINE,
     ),
@@ -307,7 +317,7 @@ RULES: tuple[Rule, ...] = (
         names=("FS_CRASH_CHECK",),
         vehicles=ON_GROUND,
         wanted="0",
-        why="standing still with the motors on counts as a crash",
+        why="no headway with the motors on, against a current say, counts as a crash",
         judge=judge_crash,
     ),
     Rule(
@@ -345,7 +355,8 @@ RULES: tuple[Rule, ...] = (
 
 CONTEXT = (
     "BATT_CRT_MAH", "BATT_CRT_VOLT", "BATT_LOW_MAH", "BATT_LOW_VOLT", "BATT_MONITOR",
-    "OA_MARGIN_MAX",
+    "SERVO1_FUNCTION",
+    "SERVO3_FUNCTION",
 )  # fmt: skip
 """Parameters that no rule is about and some rules look at."""
 
