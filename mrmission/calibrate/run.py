@@ -6,7 +6,7 @@ import asyncio
 import contextlib
 import itertools
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,7 +21,7 @@ from mrmission.calibrate.courses import (
 from mrmission.calibrate.measure import CourseResult
 from mrmission.calibrate.sailing import Setting, sail_course
 from mrmission.calibrate.table import changes_of, make_table
-from mrmission.errors import ConfigError, VehicleError
+from mrmission.errors import ConfigError, SimulatorError, VehicleError
 from mrmission.tour.time_table import SpeedChange, TimeTable
 
 if TYPE_CHECKING:
@@ -118,6 +118,7 @@ class _Task:
     setting: Setting
     course: Course
     changes: bool = False
+    tries: int = 2
 
     @property
     def name(self) -> str:
@@ -176,18 +177,32 @@ async def run_experiment(
         async with _vehicles(engine, steering) as vehicles:
             versions.append(await _version(vehicles[0], engine, steering))
 
-            async def work(vehicle: Vehicle, tasks: list[_Task] = tasks) -> None:
+            failed: list[str] = []
+
+            async def work(
+                vehicle: Vehicle, tasks: list[_Task] = tasks, failed: list[str] = failed
+            ) -> None:
                 while tasks:
                     task = tasks.pop(0)
-                    result = await _sail(vehicle, task, say)
+                    try:
+                        result = await _sail(vehicle, task, say)
+                    except VehicleError as error:
+                        say(f"{task.name}: {error}")
+                        if task.tries > 1:
+                            tasks.append(replace(task, tries=task.tries - 1))
+                        else:
+                            failed.append(f"{task.name}: {error}")
+                        # a boat that does not sail is left alone: the others take its courses
+                        return
                     if task.changes:
                         changes.extend(changes_of(task.setting.steering, task.course, result))
                     else:
                         results[task.setting] = result
 
-            async with asyncio.TaskGroup() as group:
-                for vehicle in vehicles:
-                    group.create_task(work(vehicle))
+            await asyncio.gather(*(work(vehicle) for vehicle in vehicles))
+            if failed or tasks:
+                left = failed[0] if failed else f"{tasks[0].name}: no boat is left to sail it"
+                raise SimulatorError(f"{len(failed) + len(tasks)} courses not measured; {left}")
     changes.sort(key=lambda c: (c.steering != "steered", c.from_m_s, c.to_m_s))
     return make_table(
         results, changes, vehicle="; ".join(dict.fromkeys(versions)), command=command,

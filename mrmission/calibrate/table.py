@@ -85,9 +85,30 @@ def make_table(
     )
 
 
+def merged(old: TimeTable, new: TimeTable) -> TimeTable:
+    """Return a table with the rows of both; of one setting, the new row."""
+
+    def key(row: TimeRow) -> tuple[bool, float, float]:
+        return row.steering != "steered", row.speed_m_s, row.radius_m
+
+    rows = {key(row): row for row in (*old.rows, *new.rows)}
+    changes = {(c.steering, c.from_m_s, c.to_m_s): c for c in old.speed_changes}
+    changes |= {(c.steering, c.from_m_s, c.to_m_s): c for c in new.speed_changes}
+    return TimeTable(
+        rows=tuple(rows[k] for k in sorted(rows)),
+        speed_changes=tuple(
+            sorted(changes.values(), key=lambda c: (c.steering != "steered", c.from_m_s, c.to_m_s))
+        ),
+        vehicle="; ".join(dict.fromkeys([*old.vehicle.split("; "), *new.vehicle.split("; ")])),
+        command="\n".join(dict.fromkeys([*old.command.split("\n"), new.command])),
+        repeats=min(old.repeats, new.repeats),
+    )
+
+
 def markdown(table: TimeTable) -> str:
     """Return a table as Markdown: seconds per corner and per lane turn, metres of swing."""
-    lines = [f"Measured on {table.vehicle} by", "", f"    {table.command}", ""]
+    commands = [f"    {line}" for line in table.command.split("\n")]
+    lines = [f"Measured on {table.vehicle} by", "", *commands, ""]
     for steering in dict.fromkeys(row.steering for row in table.rows):
         rows = table.of(steering)
         angles = [c.angle_deg for c in rows[0].corners]

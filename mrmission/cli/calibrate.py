@@ -65,6 +65,7 @@ ENGINES = ("ardupilot", "light")
     show_default=True, help="The table, for `mrmission plan --time-model`.",
 )  # fmt: skip
 @click.option("--overwrite", is_flag=True, help="Replace --out.")
+@click.option("--add", is_flag=True, help="Add to the table in --out what is measured now.")
 def calibrate(
     *,
     steerings: tuple[str, ...],
@@ -80,6 +81,7 @@ def calibrate(
     arm_vehicles: bool,
     out: Path,
     overwrite: bool,
+    add: bool,
 ) -> None:
     """Measure what corners and short legs cost a boat, and how wide it swings.
 
@@ -93,12 +95,15 @@ def calibrate(
     """
     from mrmission.calibrate.courses import ANGLES_DEG, SPACINGS_M
     from mrmission.calibrate.run import Engine, Experiment, run_experiment
-    from mrmission.calibrate.table import markdown
+    from mrmission.calibrate.table import markdown, merged
     from mrmission.mission.files import write_whole
-    from mrmission.tour.time_table import table_text
+    from mrmission.tour.time_table import parse_table, read_table, table_text
 
-    if out.exists() and not overwrite:
-        raise ConfigError(f"--out {out}: exists already; name another file, or give --overwrite")
+    if out.exists() and not (overwrite or add):
+        raise ConfigError(
+            f"--out {out}: exists already; name another file, or give --overwrite or --add"
+        )
+    before = read_table(out) if add and out.exists() else None
     light = engine == "light" and not connections
     if light and "pivoting" in steerings:
         raise ConfigError(
@@ -137,6 +142,9 @@ def calibrate(
             say=lambda line: click.echo(line, err=True),
         )
     )
-    write_whole(out, table_text(table), overwrite)
+    if before is not None:
+        table = merged(before, table)
+        parse_table(table_text(table), f"{out} with --add")
+    write_whole(out, table_text(table), overwrite or add)
     click.echo(markdown(table))
     click.echo(f"table in {out}", err=True)
