@@ -53,7 +53,7 @@ NAVIGATING = frozenset(set(Mode) - {Mode.MANUAL, Mode.HOLD})
 
 Event = tuple[str, int, str]
 """(kind, number, text): ("text", severity, text), ("reached", seq, ""), ("shot", number, ""),
-("mode"|"home", 0, "")."""
+("mode"|"home"|"fence", 0, "")."""
 
 
 class Autopilot:

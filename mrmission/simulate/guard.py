@@ -1,4 +1,4 @@
-"""When a vehicle notices that it has left its fence, and what it says."""
+"""When a vehicle notices that it has left its fence, and what it makes of it."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ RECOVERY_S = 10.0
 """After a change of mode outside the fence, breaches have no consequence for so long."""
 _NAMES = {ALTITUDE: "Max Alt", CIRCLE: "Circle", POLYGON: "Polygon"}
 
-NOTICE, INFO = mavlink.MAV_SEVERITY_NOTICE, mavlink.MAV_SEVERITY_INFO
+INFO = mavlink.MAV_SEVERITY_INFO
 
 
 def fence_names(kinds: int) -> str:
@@ -46,6 +46,8 @@ class FenceGuard:
         self.pilot = pilot
         self.breached = 0
         """Bits of the fences that are breached."""
+        self.count = 0
+        self.breached_at_s = 0.0
         self._backup_m = math.inf
         self._next_s = 0.0
         self._recovers_until_s = -math.inf
@@ -97,10 +99,14 @@ class FenceGuard:
             self._backup_m = math.inf
         elif new & CIRCLE:
             self._backup_m = found[CIRCLE] + BACKUP_M
+        if new and not self.breached:
+            self.count += 1
+            self.breached_at_s = self.pilot.time_s
+            # FENCE_STATUS, and not a word: ArduPilot leaves the talking to the change of mode.
+            self.pilot.events.append(("fence", 0, ""))
         self.breached = now
         if not new:
             return
-        self.pilot.say(NOTICE, f"{fence_names(now)} breached")
         if self.pilot.time_s >= self._recovers_until_s:
             self.pilot.act_on_breach(max(found[kind] for kind in found if kind & new))
 

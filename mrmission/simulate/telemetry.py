@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from mrmission.simulate.autopilot import Mode
 from mrmission.simulate.copter import CopterPilot, Stage
+from mrmission.simulate.guard import ALTITUDE
 from mrmission.simulate.motion import offset_m
 from mrmission.simulate.wire import Message, mavlink
 
@@ -307,6 +308,20 @@ def autopilot_version(vehicle: SimVehicle) -> Message:
     )
 
 
+def fence_status(vehicle: SimVehicle) -> Message | None:
+    """Build FENCE_STATUS, None where the fence is not enabled."""
+    guard = vehicle.autopilot.guard
+    if not guard.enabled:
+        return None
+    kind = mavlink.FENCE_BREACH_NONE
+    if guard.breached:
+        high = guard.breached == ALTITUDE
+        kind = mavlink.FENCE_BREACH_MAXALT if high else mavlink.FENCE_BREACH_BOUNDARY
+    return mavlink.MAVLink_fence_status_message(
+        1 if guard.breached else 0, guard.count, kind, int(guard.breached_at_s * 1000.0)
+    )
+
+
 Builder = Callable[["SimVehicle"], Message | None]
 BUILDERS: dict[int, Builder] = {
     mavlink.MAVLINK_MSG_ID_HEARTBEAT: heartbeat,
@@ -324,4 +339,5 @@ BUILDERS: dict[int, Builder] = {
     mavlink.MAVLINK_MSG_ID_HOME_POSITION: home_position,
     mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN: gps_global_origin,
     mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: extended_sys_state,
+    mavlink.MAVLINK_MSG_ID_FENCE_STATUS: fence_status,
 }

@@ -224,6 +224,8 @@ class SimVehicle:
                 self.send(mavlink.MAVLink_mission_item_reached_message(number))
             elif kind == "shot":
                 self.send(telemetry.camera_feedback(self, number))
+            elif kind == "fence" and (status := telemetry.fence_status(self)) is not None:
+                self.send(status)
             elif kind == "mode":
                 self.send(telemetry.heartbeat(self))
             elif kind == "home" and self.now_s is not None:

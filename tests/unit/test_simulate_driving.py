@@ -365,7 +365,9 @@ def test_leaving_the_fence(action: int, mode: int) -> None:
     station.command(ARM, 1)
     station.command(mavlink.MAV_CMD_MISSION_START)
     station.wait(70.0)
-    assert "Polygon fence breached" in station.texts()
+    [told] = [m for m in station.heard if m.get_type() == "FENCE_STATUS"]
+    assert (told.breach_status, told.breach_count) == (1, 1)
+    assert ("Manual recovery started" in station.texts()) == (action != 0)
     assert station.vehicle.autopilot.mode == mode
 
 
