@@ -101,7 +101,8 @@ def _action(look: Look, *, none: Verdict) -> Verdict:
     if value == 2:
         return fine(best, "holds: a boat coasts on and then drifts with the current")
     if value in USES_STRAIGHT_RETURN and bad:
-        if look.other("OA_TYPE") == AROUND_FENCES and look.plan.fence_polygons:
+        inside = look.name != "FENCE_ACTION" and look.plan.fence_polygons > 0
+        if inside and look.other("OA_TYPE") == AROUND_FENCES:
             return fine(best, "OA_TYPE 2 takes the return round the islands of the fence")
         return wrong(best, _share(look.plan))
     if value in USES_SMART_RETURN:
@@ -271,13 +272,17 @@ def judge_avoid(look: Look) -> Verdict:
 
 
 def judge_path_planning(look: Look) -> Verdict:
-    """Judge: path planning takes returns round islands, and must leave lanes alone."""
+    """Judge: path planning takes returns round islands, and is lost outside the fence."""
     value = int(look.value)
-    if value == AROUND_FENCES:
-        return fine("0 or 2", "returns go round the islands of the fence")
     if value == 0:
         return FINE
-    return doubtful("0 or 2", "bendy ruler leaves lanes for what it takes for obstacles")
+    if value != AROUND_FENCES:
+        return doubtful("0", "bendy ruler leaves lanes for what it takes for obstacles")
+    why = "once outside the fence it finds no path and drifts on"
+    returns = (*USES_STRAIGHT_RETURN, *USES_SMART_RETURN)
+    if look.plan.fence_polygons and look.other("FENCE_ACTION") in returns:
+        return wrong("0", f"{why}, whatever FENCE_ACTION asks for")
+    return doubtful("0", f"it takes returns round islands, but {why}")
 
 
 # --- sailing -------------------------------------------------------------------------------------
@@ -313,6 +318,13 @@ def judge_speed(look: Look) -> Verdict:
     if plan.speeds_m_s:
         return doubtful(f"{wanted:g} m/s", "in force until the mission sets its own speed")
     return wrong(f"{wanted:g} m/s", "the plan's lanes and times are for another speed")
+
+
+def judge_loiter(look: Look) -> Verdict:
+    """Judge: how a boat goes back to the place that it is to hold."""
+    if int(look.value) == 1:
+        return FINE
+    return doubtful("1 (bow first)", "a steered boat lost its place in 0.3 m/s of current")
 
 
 def judge_top_speed(look: Look) -> Verdict:

@@ -28,6 +28,7 @@ from mrmission.vehicle.preflight_checks import (
     judge_home,
     judge_initial_mode,
     judge_link_state,
+    judge_loiter,
     judge_path_planning,
     judge_pivot,
     judge_position,
@@ -200,6 +201,15 @@ RULES: tuple[Rule, ...] = (
         why="in hold a boat drifts with the current",
         judge=judge_done,
     ),
+    Rule(
+        subject="LOIT_TYPE",
+        names=("LOIT_TYPE",),
+        vehicles=("boat",),
+        wanted="1 (bow first)",
+        why="going astern, as with 0, a steered boat loses its place in a current",
+        judge=judge_loiter,
+        absent=Severity.FINE,
+    ),
     # fence
     Rule(
         subject="FENCE_ENABLE",
@@ -248,8 +258,8 @@ RULES: tuple[Rule, ...] = (
     Rule(
         subject="OA_TYPE",
         names=("OA_TYPE",),
-        wanted="0, or 2 (returns round islands)",
-        why="without it a return is a straight line",
+        wanted="0",
+        why="2 takes returns round islands, but outside the fence it finds no path and drifts",
         judge=judge_path_planning,
         absent=Severity.FINE,
     ),
