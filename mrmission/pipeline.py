@@ -53,6 +53,7 @@ from mrmission.partition.bound import area_bound_s
 from mrmission.partition.problem import Assignment, Visit
 from mrmission.routing.harbour import Harbour
 from mrmission.tour.coverage import Uncovered
+from mrmission.tour.flight import time_model
 from mrmission.tour.order import PieceBook
 from mrmission.tour.path import assemble_paths
 from mrmission.tour.repair import fleet_legs, number_lanes, pieces_to_repair, repair, total_area
@@ -130,14 +131,7 @@ def plan(
             "choose a smaller --clearance"
         )
     groups, unreached = _robots_by_part(pieces, water, frame, options, notes)
-    time = TimeModel(
-        survey_speed_m_s=options.survey_speed_m_s,
-        transit_speed_m_s=options.transit_speed_m_s,
-        steering=options.steering,
-        radius_m=options.wp_radius_m,
-        swath_m=options.swath_m,
-        table=options.time_table,
-    )
+    time = time_model(options)
     on_stage("planning")
     parts = [
         _plan_part(part, water, starts, robots, frame, options, time, notes)

@@ -17,15 +17,9 @@ from mrmission.simulate.motion import moved, offset_m
 from mrmission.simulate.parameters import Parameters
 from mrmission.simulate.stores import FenceStore, MissionStore, RallyStore
 from mrmission.simulate.wire import mavlink
+from mrmission.tour.flight import SETTLE_S, SHORTEST_LEG_S, SPOOL_S, TAKEOFF_BRAKE_M_S2
 
 STEP_S = 0.1
-SPOOL_S = 3.4
-"""From the start of a take-off until the ground is left."""
-SETTLE_S = 2.5
-"""From touching the ground until the landing is believed."""
-SHORTEST_LEG_S = 1.6
-"""A return's climb and way take no less: nobody hovers to the centimetre."""
-TAKEOFF_BRAKE_M_S2 = 0.56
 TOOK_OFF_SHARE = 0.1
 """Of the climbing speed: below it, close to the height asked for, a take-off is done."""
 YAW_RATE_RAD_S = math.radians(60.0)
