@@ -118,7 +118,7 @@ class _Task:
     setting: Setting
     course: Course
     changes: bool = False
-    tries: int = 2
+    tries: int = 3
 
     @property
     def name(self) -> str:
@@ -192,8 +192,10 @@ async def run_experiment(
                             tasks.append(replace(task, tries=task.tries - 1))
                         else:
                             failed.append(f"{task.name}: {error}")
-                        # a boat that does not sail is left alone: the others take its courses
-                        return
+                        if isinstance(error, SimulatorError):
+                            # a boat that does not sail is left alone; others take its courses
+                            return
+                        continue
                     if task.changes:
                         changes.extend(changes_of(task.setting.steering, task.course, result))
                     else:

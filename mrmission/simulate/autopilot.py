@@ -349,7 +349,8 @@ class Autopilot:
         if self.arrived_s is not None and self.leg.stops:
             self._stay(dt_s)
         else:
-            self.leg.drive(self.boat, dt_s, self.speed_m_s, radius_m)
+            most_m_s = self.parameters["SPEED_MAX"] or math.inf
+            self.leg.drive(self.boat, dt_s, min(self.speed_m_s, most_m_s), radius_m)
 
     def _stay(self, dt_s: float) -> None:
         """Loiter, or stop and then drift where a mission has ended with that."""

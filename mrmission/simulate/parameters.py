@@ -140,6 +140,7 @@ IN_FORCE = frozenset(
         "RTL_SPEED",
         "SIM_TIDE_DIR",
         "SIM_TIDE_SPEED",
+        "SPEED_MAX",
         "SRTL_ACCURACY",
         "SRTL_POINTS",
         "SYSID_THISMAV",
