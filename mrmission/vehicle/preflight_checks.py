@@ -61,8 +61,6 @@ POLYGON_FENCE, CIRCLE_FENCE = 4, 2
 UNION_OPTION = 2
 AROUND_FENCES = 2
 """OA_TYPE: Dijkstra's paths around fences."""
-LEFT_MOTOR, RIGHT_MOTOR = 73, 74
-"""SERVOn_FUNCTION of a boat with two motors."""
 USES_STRAIGHT_RETURN = (1, 3)
 USES_SMART_RETURN = (3, 4)
 
@@ -341,14 +339,6 @@ def judge_cruise(look: Look) -> Verdict:
     if look.value <= 0:
         return wrong("above 0", "its throttle has no reference")
     return fine("measured at CRUISE_THROTTLE")
-
-
-def judge_pivot(look: Look) -> Verdict:
-    """Judge: turning on the spot, on a boat that can."""
-    motors = (look.parameters.get("SERVO1_FUNCTION"), look.parameters.get("SERVO3_FUNCTION"))
-    if look.value == 0 or not {LEFT_MOTOR, RIGHT_MOTOR} & set(motors):
-        return FINE
-    return doubtful("0 where there is current", "in 0.6 m/s of current a pivot never ended")
 
 
 def judge_frame(look: Look) -> Verdict:

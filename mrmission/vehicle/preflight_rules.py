@@ -30,7 +30,6 @@ from mrmission.vehicle.preflight_checks import (
     judge_link_state,
     judge_loiter,
     judge_path_planning,
-    judge_pivot,
     judge_position,
     judge_prearm,
     judge_radio,
@@ -150,15 +149,6 @@ RULES: tuple[Rule, ...] = (
         wanted="up to a tenth of the swath",
         why="it turns that far before the corner",
         judge=judge_radius,
-    ),
-    Rule(
-        subject="WP_PIVOT_ANGLE",
-        names=("WP_PIVOT_ANGLE", "PIVOT_TURN_ANGLE"),
-        vehicles=("boat",),
-        wanted="0 on a boat with two motors where there is current",
-        why="it stops at corners to turn on the spot, and may stay there",
-        judge=judge_pivot,
-        absent=Severity.FINE,
     ),
     Rule(
         subject="WP_SPEED",
@@ -365,8 +355,6 @@ RULES: tuple[Rule, ...] = (
 
 CONTEXT = (
     "BATT_CRT_MAH", "BATT_CRT_VOLT", "BATT_LOW_MAH", "BATT_LOW_VOLT", "BATT_MONITOR",
-    "SERVO1_FUNCTION",
-    "SERVO3_FUNCTION",
 )  # fmt: skip
 """Parameters that no rule is about and some rules look at."""
 

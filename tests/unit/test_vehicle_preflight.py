@@ -74,8 +74,7 @@ GOOD: dict[str, float | None] = {
     "FENCE_ACTION": 4, "FENCE_ENABLE": 1, "FENCE_OPTIONS": 0, "FENCE_RADIUS": 600.0,
     "FENCE_TYPE": 6, "FRAME_CLASS": 2, "FS_ACTION": 4, "FS_CRASH_CHECK": 0, "FS_EKF_ACTION": 1,
     "FS_GCS_ENABLE": 2, "FS_THR_ENABLE": 2, "INITIAL_MODE": 4, "MIS_DONE_BEHAVE": 1,
-    "LOIT_TYPE": 1, "OA_TYPE": 0, "RALLY_LIMIT_KM": 0.5, "SERVO1_FUNCTION": 26,
-    "SERVO3_FUNCTION": 70, "SPEED_MAX": 0.0, "WP_PIVOT_ANGLE": 60,
+    "LOIT_TYPE": 1, "OA_TYPE": 0, "RALLY_LIMIT_KM": 0.5, "SPEED_MAX": 0.0,
     "SRTL_POINTS": 300, "SYSID_THISMAV": 7, "WP_RADIUS": 1.0, "WP_SPEED": 2.0,
 }  # fmt: skip
 
@@ -153,7 +152,6 @@ PLAN_CASES: list[tuple[str, dict[str, Any], dict[str, float], Severity]] = [
     ("AVOID_ENABLE", {"nearest_fence_m": 30.0}, {"AVOID_ENABLE": 3}, FINE),
     ("OA_TYPE", {}, {"OA_TYPE": 2, "FENCE_ACTION": 2}, DOUBTFUL),
     ("OA_TYPE", {}, {"OA_TYPE": 2, "FENCE_ACTION": 2, "FS_ACTION": 1}, DOUBTFUL),
-    ("WP_PIVOT_ANGLE", {}, {"SERVO1_FUNCTION": 73, "SERVO3_FUNCTION": 74}, DOUBTFUL),
     ("FENCE_ACTION", {"bad_return_share": 0.0}, {"FENCE_ACTION": 1}, FINE),
     ("FS_THR_ENABLE", {"farthest_m": 90.0}, {"FS_THR_ENABLE": 1}, DOUBTFUL),
     ("SRTL_POINTS", {"smart_rtl_points": 700}, {}, DOUBTFUL),
