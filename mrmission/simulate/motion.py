@@ -37,6 +37,8 @@ class Kinematics:
         Distance to the aiming point on the leg, in seconds of travel.
     slowest_share : float
         Share of the cruising speed that is kept in the sharpest corner.
+    blend_m_s2 : float
+        Acceleration with which ArduPilot blends one leg into the next: ATC_ACCEL_MAX.
     drag_per_m : float
         Drag of the hull without thrust: speed falls by this times its square per second. 0.25 is
         ArduPilot's simulated motorboat (half the square of the speed, in newtons, on 2 kg).
@@ -50,6 +52,7 @@ class Kinematics:
     turn_gain: float = 2.0
     lookahead_s: float = 1.0
     slowest_share: float = 0.12
+    blend_m_s2: float = 1.0
     drag_per_m: float = 0.25
     turn_radius_m: float = 0.9
 
@@ -77,6 +80,22 @@ def wrapped(angle_rad: float) -> float:
 def corner_share(turn_rad: float, slowest_share: float) -> float:
     """Return the share of the cruising speed kept through a corner of `turn_rad` (0 = straight)."""
     return max(slowest_share, math.sqrt(max(0.0, math.cos(0.5 * min(abs(turn_rad), math.pi)))))
+
+
+def blended_share(turn_rad: float, speed_m_s: float, radius_m: float, limits: Kinematics) -> float:
+    """Return the share of the speed that is kept into a corner that may be cut by `radius_m`.
+
+    ArduPilot lets the end of one leg and the beginning of the next overlap in time, for as long as
+    the corner is missed by no more than the radius: the sum of a speed that falls and one that
+    rises. With an acceleration a the overlap is sqrt(4 radius / (a sin(turn / 2))) and at most
+    speed / a, which then costs no time at all.
+    """
+    half = math.sin(0.5 * min(abs(turn_rad), math.pi))
+    if half < 1e-3 or speed_m_s <= 0.0:
+        return 1.0
+    overlap_s = math.sqrt(4.0 * radius_m / (limits.blend_m_s2 * half))
+    lost = max(0.0, 1.0 - overlap_s * limits.blend_m_s2 / speed_m_s)
+    return max(limits.slowest_share, 1.0 - math.sqrt(lost))
 
 
 class Boat:
@@ -193,7 +212,7 @@ class Leg:
         Where the leg after this one goes; None where the boat stops at the end.
     """
 
-    __slots__ = ("after_turn_rad", "end", "length_m", "start", "stops", "unit")
+    __slots__ = ("after_turn_rad", "after_unit", "end", "length_m", "start", "stops", "unit")
 
     def __init__(
         self,
@@ -209,9 +228,11 @@ class Leg:
         )
         self.stops = after is None
         self.after_turn_rad = 0.0
+        self.after_unit: tuple[float, float] | None = None
         if after is not None and self.length_m > 0.01:
             e, n = offset_m(*end, *after)
             if math.hypot(e, n) > 0.01:
+                self.after_unit = (e / math.hypot(e, n), n / math.hypot(e, n))
                 self.after_turn_rad = wrapped(math.atan2(e, n) - math.atan2(east, north))
 
     def state(self, boat: Boat) -> tuple[float, float, float]:
@@ -233,16 +254,24 @@ class Leg:
         limits = boat.limits
         distance, left, cross = self.state(boat)
         ahead = max(1.0, limits.lookahead_s * speed_m_s)
-        forward = min(math.sqrt(ahead * ahead - cross * cross) if abs(cross) < ahead else 0.2, left)
+        reach = math.sqrt(ahead * ahead - cross * cross) if abs(cross) < ahead else 0.2
+        forward = min(reach, left)
         u_e, u_n = self.unit
-        # From the boat to the aiming point: back to the line, then forward along it.
+        # From the boat to the aiming point: back to the line, then forward along it, and around
+        # the corner as far as the acceptance radius lets it be cut.
         east = u_n * cross + u_e * forward
         north = -u_e * cross + u_n * forward
+        beyond = min(reach - forward, radius_m)
+        if beyond > 0.0 and self.after_unit is not None:
+            east += self.after_unit[0] * beyond
+            north += self.after_unit[1] * beyond
         if distance <= 0.01 or self.length_m <= 0.01:
             east, north = offset_m(boat.lat, boat.lon, *self.end)
         heading = math.atan2(east, north)
         error = abs(wrapped(heading - boat.heading_rad))
-        kept = 0.0 if self.stops else corner_share(self.after_turn_rad, limits.slowest_share)
+        kept = (
+            0.0 if self.stops else blended_share(self.after_turn_rad, speed_m_s, radius_m, limits)
+        )
         room = max(0.0, distance - (0.0 if self.stops else radius_m))
         wanted = min(
             speed_m_s,
