@@ -24,6 +24,8 @@ _DURATION = re.compile(r"(\d+(?:\.\d*)?)\s*(s|min|h|)")
 _SECONDS = {"": 1.0, "s": 1.0, "min": 60.0, "h": 3600.0}
 MODEL_OF = {"boat": "motorboat", "rover": "rover"}
 VIOLATIONS = 1
+WIDTH = 110
+"""Columns of the table where stdout is no terminal."""
 
 
 def parse_duration(text: str, flag: str) -> float:
@@ -252,5 +254,5 @@ def _show(driven: Any) -> None:
 
     from mrmission.rehearse.table import RehearsalTable
 
-    console = Console(soft_wrap=True) if not sys.stdout.isatty() else Console()
+    console = Console() if sys.stdout.isatty() else Console(width=WIDTH)
     console.print(RehearsalTable(driven))

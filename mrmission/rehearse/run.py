@@ -120,12 +120,13 @@ def make_fleet(missions: Sequence[Mission], waters: Waters) -> Any:
             first_system_id=FIRST_SYSTEM_ID,
         )
     from mrmission.simulate import SimulatedFleet
+    from mrmission.simulate.ardupilot_models import survey_parameters
 
     return SimulatedFleet(
         count=len(missions),
         starts_lonlat=starts,
         speedup=waters.speedup,
-        parameters={"FENCE_ENABLE": 1.0, **waters.from_boot()},
+        parameters={**survey_parameters(waters.model), **waters.from_boot()},
         base_port=waters.base_port,
         first_system_id=FIRST_SYSTEM_ID,
     )

@@ -134,7 +134,7 @@ class RehearsalTable:
         names = ["robot", "lanes", "start", "planned", "driven", "off by", "swept", "p95", "fence"]
         names += ["home", "drift"] if watched else ["home"]
         for name in names:
-            table.add_column(name, justify="right", no_wrap=True)
+            table.add_column(name, justify="right", overflow="fold")
         for row in self.driven.robots:
             cells = [Text(f"■ {row.robot}", style=robot_colour(row.robot, dark=True))]
             cells += [Text(text) for text in self._cells(row)]
