@@ -73,7 +73,8 @@ def test_a_ramp_goes_from_rest_to_rest_over_its_length(length_m: float, speed: f
     assert np.abs(accels).max() <= 2.5 + 1e-6
     # speed is the slope of the way
     slope = np.diff(ways) / np.diff(times)
-    assert np.abs(slope - 0.5 * (speeds[1:] + speeds[:-1])).max() < 0.02 * speed + 1e-6
+    step_s = times[1]
+    assert np.abs(slope - 0.5 * (speeds[1:] + speeds[:-1])).max() < 0.3 * step_s + 1e-6
     assert ramp.whole_s >= length_m / speed
     assert ramp.time_at(0.5 * length_m) == pytest.approx(ramp.whole_s / 2, rel=1e-6)
 
