@@ -59,8 +59,8 @@ MODELS: Mapping[str, Model] = {
     "rover": Model(vehicle="rover", frame="rover", files=("common.parm", "rover.parm")),
     "quad": Model(vehicle="copter", frame="quad", files=("common.parm", "copter.parm")),
 }
-"""By the name that ``--model`` takes: a steered boat, one that turns on the spot as slowly as its way
-through the water lets it, one that does so at PIVOT_RATE, a car, a copter."""
+"""By the name that ``--model`` takes: a steered boat, one that turns on the spot as slowly as its
+way through the water lets it, one that does so at PIVOT_RATE, a car, a copter."""
 
 
 def parameter_file(name: str) -> Path:
