@@ -379,6 +379,7 @@ def _finish(
     notes.extend(failsafe_notes(failsafe))
     notes.extend(_start_one_after_the_other(rows, paths, time))
     robots = tuple(rows[r] for r in sorted(rows))
+    notes.extend(_swing_notes(list(paths.values()), options, time))
     busy = next((m for _, m in sorted(missions.items()) if m.items), None)
     if busy is not None:
         notes.extend(vehicle_notes(busy, options, LAUNCH_RADIUS_M))

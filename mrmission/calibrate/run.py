@@ -20,9 +20,9 @@ from mrmission.calibrate.courses import (
 )
 from mrmission.calibrate.measure import CourseResult
 from mrmission.calibrate.sailing import Setting, sail_course
-from mrmission.calibrate.table import changes_of, make_table
+from mrmission.calibrate.table import changes_of, make_table, merged
 from mrmission.errors import ConfigError, SimulatorError, VehicleError
-from mrmission.tour.time_table import SpeedChange, TimeTable
+from mrmission.tour.time_table import SpeedChange, TimeRow, TimeTable
 
 if TYPE_CHECKING:
     from mrmission.vehicle.client import Vehicle
@@ -157,9 +157,10 @@ async def run_experiment(
     engine: Engine,
     *,
     command: str,
+    have: TimeTable | None = None,
     say: Callable[[str], None] = lambda _: None,
-) -> TimeTable:
-    """Sail every course and return the table.
+) -> tuple[TimeTable, list[str]]:
+    """Sail every course that a table does not have yet; return the table and what is missing.
 
     Boats that are started for it belong to the simulator; boats behind `connections` are armed and
     sail off at once, so whoever calls this has asked for that.
@@ -167,21 +168,19 @@ async def run_experiment(
     Raises
     ------
     VehicleError
-        When a boat cannot be started, refuses, or does not sail its course to the end.
+        When the boats cannot be started.
     """
+    known = set() if have is None else {_setting(row) for row in have.rows}
+    failed: list[str] = []
     results: dict[Setting, CourseResult] = {}
     changes: list[SpeedChange] = []
     versions: list[str] = []
     for steering in experiment.steerings:
-        tasks = experiment.tasks(steering)
+        tasks = [t for t in experiment.tasks(steering) if t.changes or t.setting not in known]
         async with _vehicles(engine, steering) as vehicles:
             versions.append(await _version(vehicles[0], engine, steering))
 
-            failed: list[str] = []
-
-            async def work(
-                vehicle: Vehicle, tasks: list[_Task] = tasks, failed: list[str] = failed
-            ) -> None:
+            async def work(vehicle: Vehicle, tasks: list[_Task] = tasks) -> None:
                 while tasks:
                     task = tasks.pop(0)
                     try:
@@ -202,14 +201,17 @@ async def run_experiment(
                         results[task.setting] = result
 
             await asyncio.gather(*(work(vehicle) for vehicle in vehicles))
-            if failed or tasks:
-                left = failed[0] if failed else f"{tasks[0].name}: no boat is left to sail it"
-                raise SimulatorError(f"{len(failed) + len(tasks)} courses not measured; {left}")
+            failed.extend(f"{task.name}: no boat is left to sail it" for task in tasks)
     changes.sort(key=lambda c: (c.steering != "steered", c.from_m_s, c.to_m_s))
-    return make_table(
+    table = make_table(
         results, changes, vehicle="; ".join(dict.fromkeys(versions)), command=command,
         repeats=experiment.repeats,
     )  # fmt: skip
+    return (table if have is None else merged(have, table)), failed
+
+
+def _setting(row: TimeRow) -> Setting:
+    return Setting(steering=row.steering, speed_m_s=row.speed_m_s, radius_m=row.radius_m)
 
 
 async def _sail(vehicle: Vehicle, task: _Task, say: Callable[[str], None]) -> CourseResult:

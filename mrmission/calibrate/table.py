@@ -91,6 +91,8 @@ def merged(old: TimeTable, new: TimeTable) -> TimeTable:
     def key(row: TimeRow) -> tuple[bool, float, float]:
         return row.steering != "steered", row.speed_m_s, row.radius_m
 
+    if not new.rows and not new.speed_changes:
+        return old
     rows = {key(row): row for row in (*old.rows, *new.rows)}
     changes = {(c.steering, c.from_m_s, c.to_m_s): c for c in old.speed_changes}
     changes |= {(c.steering, c.from_m_s, c.to_m_s): c for c in new.speed_changes}

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from mrmission.errors import ConfigError
+from mrmission.errors import ConfigError, SimulatorError
 
 ENGINES = ("ardupilot", "light")
 
@@ -65,7 +65,7 @@ ENGINES = ("ardupilot", "light")
     show_default=True, help="The table, for `mrmission plan --time-model`.",
 )  # fmt: skip
 @click.option("--overwrite", is_flag=True, help="Replace --out.")
-@click.option("--add", is_flag=True, help="Add to the table in --out what is measured now.")
+@click.option("--add", is_flag=True, help="Keep what --out holds, and sail what it lacks.")
 def calibrate(
     *,
     steerings: tuple[str, ...],
@@ -95,15 +95,15 @@ def calibrate(
     """
     from mrmission.calibrate.courses import ANGLES_DEG, SPACINGS_M
     from mrmission.calibrate.run import Engine, Experiment, run_experiment
-    from mrmission.calibrate.table import markdown, merged
+    from mrmission.calibrate.table import markdown
     from mrmission.mission.files import write_whole
-    from mrmission.tour.time_table import parse_table, read_table, table_text
+    from mrmission.tour.time_table import read_table, table_text
 
     if out.exists() and not (overwrite or add):
         raise ConfigError(
             f"--out {out}: exists already; name another file, or give --overwrite or --add"
         )
-    before = read_table(out) if add and out.exists() else None
+    before = read_table(out, whole=False) if add and out.exists() else None
     light = engine == "light" and not connections
     if light and "pivoting" in steerings:
         raise ConfigError(
@@ -129,7 +129,7 @@ def calibrate(
                 "--connect: these boats would be armed and sail off at once, without a fence; "
                 "give --arm-vehicles as well if that is what you want"
             )
-    table = asyncio.run(
+    table, failed = asyncio.run(
         run_experiment(
             experiment,
             Engine(
@@ -139,12 +139,15 @@ def calibrate(
                 connections=connections,
             ),
             command=experiment.command(engine if not connections else "connect"),
+            have=before,
             say=lambda line: click.echo(line, err=True),
         )
     )
-    if before is not None:
-        table = merged(before, table)
-        parse_table(table_text(table), f"{out} with --add")
     write_whole(out, table_text(table), overwrite or add)
     click.echo(markdown(table))
     click.echo(f"table in {out}", err=True)
+    if failed:
+        raise SimulatorError(
+            f"{len(failed)} courses not measured, the first: {failed[0]}; "
+            f"run it again with --out {out} --add"
+        )

@@ -160,8 +160,8 @@ def table_text(table: TimeTable) -> str:
     return json.dumps(data, indent=1) + "\n"
 
 
-def read_table(path: Path) -> TimeTable:
-    """Read the table that ``mrmission calibrate`` wrote.
+def read_table(path: Path, *, whole: bool = True) -> TimeTable:
+    """Read the table that ``mrmission calibrate`` wrote; it must be complete if `whole`.
 
     Raises
     ------
@@ -172,7 +172,7 @@ def read_table(path: Path) -> TimeTable:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"time table {path}: {error}") from error
-    return parse_table(text, str(path))
+    return parse_table(text, str(path), whole=whole)
 
 
 @lru_cache(maxsize=1)
@@ -182,13 +182,13 @@ def default_table() -> TimeTable:
     return parse_table(text, PACKAGED)
 
 
-def parse_table(text: str, source: str) -> TimeTable:
+def parse_table(text: str, source: str, *, whole: bool = True) -> TimeTable:
     """Return the table of a JSON text.
 
     Raises
     ------
     InputError
-        When it is no table, or its rows fill no grid of speeds and radii.
+        When it is no table, or (if `whole`) its rows fill no grid of speeds and radii.
     """
     try:
         data = json.loads(text)
@@ -209,7 +209,8 @@ def parse_table(text: str, source: str) -> TimeTable:
         raise InputError(f"time table {source}: {error} is missing") from error
     except (ValueError, TypeError, AttributeError) as error:
         raise InputError(f"time table {source}: {error}") from error
-    _check_grid(table, source)
+    if whole:
+        _check_grid(table, source)
     return table
 
 
