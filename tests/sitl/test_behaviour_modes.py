@@ -48,6 +48,8 @@ def metres(place: tuple[float, float], other: tuple[float, float]) -> float:
 
 def test_it_starts_disarmed_in_its_initial_mode(trial_of: TrialOf) -> None:
     trial = trial_of(cold=True, INITIAL_MODE=0)
+    # Its first heartbeats tell of a mode of their own, INITIALISING.
+    trial.wait(6.0)
     assert (trial.armed(), trial.mode()) == (False, MANUAL)
 
 
