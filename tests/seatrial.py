@@ -405,6 +405,8 @@ class LinkTrial(Trial):
 
     def _greet(self) -> None:
         self.first("HEARTBEAT", 10.0)
+        # Ten seconds' worth of every stream in one second keep a test from doing anything else.
+        self.send(mavlink.MAVLink_request_data_stream_message(self.system_id, 1, 0, 0, 0))
         for number, interval_s in WATCHED.items():
             self.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, number, interval_s * 1e6)
 
