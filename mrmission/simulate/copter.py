@@ -5,12 +5,12 @@ Heights are above home, which lies at sea level; the terrain is as flat.
 
 from __future__ import annotations
 
-import enum
 import math
 from dataclasses import replace
 
 from mrmission.simulate.autopilot import FIXED_SHARE, GIVE_UP_FENCE_M, Autopilot
 from mrmission.simulate.copter_mission import CopterExecution
+from mrmission.simulate.copter_modes import ARMABLE, NAVIGATING, CopterMode, Homeward, Stage
 from mrmission.simulate.copter_motion import FlightLimits, Rotorcraft, Route, Vector
 from mrmission.simulate.execution import SubMode
 from mrmission.simulate.motion import moved, offset_m
@@ -36,62 +36,10 @@ WARNING = mavlink.MAV_SEVERITY_WARNING
 INFO = mavlink.MAV_SEVERITY_INFO
 
 
-class CopterMode(enum.IntEnum):
-    """ArduCopter's mode numbers that a simulated copter knows."""
-
-    STABILIZE = 0
-    ALT_HOLD = 2
-    AUTO = 3
-    GUIDED = 4
-    LOITER = 5
-    RTL = 6
-    LAND = 9
-    BRAKE = 17
-
-
-ARMABLE = frozenset(
-    {CopterMode.STABILIZE, CopterMode.ALT_HOLD, CopterMode.GUIDED, CopterMode.LOITER}
-)
-NAVIGATING = frozenset(
-    {
-        CopterMode.AUTO,
-        CopterMode.GUIDED,
-        CopterMode.LOITER,
-        CopterMode.RTL,
-        CopterMode.LAND,
-        CopterMode.BRAKE,
-    }
-)
-
-
-class Stage(enum.Enum):
-    """What a copter is doing, whatever its mode."""
-
-    LANDED = enum.auto()
-    TAKEOFF = enum.auto()
-    ROUTE = enum.auto()
-    HOVER = enum.auto()
-    LAND = enum.auto()
-
-
-class Homeward(enum.Enum):
-    """The steps of a return."""
-
-    CLIMB = enum.auto()
-    CROSS = enum.auto()
-    WAIT = enum.auto()
-    LAND = enum.auto()
-
-
 class CopterPilot(Autopilot):
     """One copter's autopilot.
 
-    Parameters
-    ----------
-    boat : Rotorcraft
-        What is flown (named as in the class that it extends).
-    parameters, mission, fence, rally, ready_s
-        See :class:`~mrmission.simulate.autopilot.Autopilot`.
+    Its parameters are those of :class:`~mrmission.simulate.autopilot.Autopilot`, whose boat flies.
     """
 
     modes = CopterMode

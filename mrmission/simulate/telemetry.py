@@ -7,7 +7,8 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from mrmission.simulate.autopilot import Mode
-from mrmission.simulate.copter import CopterPilot, Stage
+from mrmission.simulate.copter import CopterPilot
+from mrmission.simulate.copter_modes import Stage
 from mrmission.simulate.guard import ALTITUDE
 from mrmission.simulate.motion import offset_m
 from mrmission.simulate.wire import Message, mavlink
