@@ -65,6 +65,14 @@ def wrong(check: VehicleCheck) -> set[str]:
     return {row.subject for row in check.rows if row.severity == "wrong"}
 
 
+def worst(folder: Path) -> int:
+    """The index of the robot with the most straight returns over land."""
+    report = read_report(folder) or {}
+    shares = [row["share_over_land"] for row in report["failsafe"]["straight_returns"]]
+    assert max(shares) > 0.1
+    return shares.index(max(shares))
+
+
 async def set_parameters(link: str, system_id: int, values: dict[str, float]) -> None:
     async with open_links(parse_connections([link]), expected=1, timeouts=LinkTimeouts()) as opened:
         for name, value in values.items():
@@ -87,9 +95,7 @@ async def test_a_fleet_with_the_plan_is_ready_and_a_changed_parameter_is_found(
         assert exit_code(ready) == 0
 
         changed = {"AVOID_ENABLE": 3.0, "FENCE_ACTION": 1.0, "WP_RADIUS": 15.0}
-        report = read_report(survey) or {}
-        shares = [row["share_over_land"] for row in report["failsafe"]["straight_returns"]]
-        one = shares.index(max(shares))
+        one = worst(survey)
         await set_parameters(fleet.links[one], fleet.system_ids[one], changed)
         after = await checked(survey, fleet.links)
         assert wrong(after[one]) == set(changed)
@@ -126,15 +132,20 @@ async def test_a_boat_at_the_wrong_place_is_found(engine: Engine, survey: Path) 
 
 @pytest.mark.ardupilot
 async def test_an_ardurover_with_stock_parameters_is_not_ready(survey: Path) -> None:
-    missions = read_missions(survey, named="")
+    mission = read_missions(survey, named="")[worst(survey)]
     stock = {name: float(value) for name, value in STOCK.items()}
-    async with ardupilot(starts_lonlat=starts(missions)[:1], parameters=stock) as fleet:
-        assert (await upload_fleet(missions[:1], fleet.links))[0].verified
-        (check,) = await checked(survey, fleet.links)
+
+    async def look(links: list[str]) -> VehicleCheck:
+        (check,) = await preflight_fleet([mission], links, report=read_report(survey))
+        return check
+
+    async with ardupilot(starts_lonlat=starts([mission]), parameters=stock) as fleet:
+        assert (await upload_fleet([mission], fleet.links))[0].verified
+        check = await look(fleet.links)
         assert wrong(check) == {"AVOID_ENABLE", "FENCE_ACTION", "FENCE_ENABLE", "FS_THR_ENABLE"}
         # the circle counts once the fence is on
         await set_parameters(fleet.links[0], fleet.system_ids[0], {"FENCE_ENABLE": 1.0})
-        (check,) = await checked(survey, fleet.links)
+        check = await look(fleet.links)
         assert wrong(check) == {"AVOID_ENABLE", "FENCE_ACTION", "FENCE_RADIUS", "FS_THR_ENABLE"}
         unknown = {row.subject for row in check.rows if row.found == "not known to the vehicle"}
         assert unknown <= {"FENCE_OPTIONS"}
