@@ -18,6 +18,7 @@ from mrmission.cli.upload_plan import (
     earlier_limits,
     make_plan,
     read_missions,
+    reported_estimates,
 )
 from mrmission.cli.upload_run import LinkChoice, ask_limits, run_upload
 from mrmission.errors import ConfigError
@@ -111,6 +112,7 @@ def upload(
             as_json=as_json,
             record_folder=out or from_folder,
             caps=caps,
+            estimates=reported_estimates(from_folder, missions),
             max_distance_m=max_distance_m,
         )
     if area is None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -138,6 +138,27 @@ def read_missions(folder: Path, *, named: str = "--from ") -> list[Mission]:
             f"{named}{folder}: holds no robot-1.plan; name a folder that `mrmission plan` left"
         )
     return sorted((read_plan(path) for path in paths), key=lambda m: (m.robot, m.sortie))
+
+
+def reported_estimates(folder: Path, missions: Sequence[Mission]) -> dict[int, tuple[float, float]]:
+    """Return robot to (length_m, duration_s) as a folder's report has them.
+
+    A robot whose mission is not the one of the report, because somebody has edited the file, is
+    left out, and so are all where there is no report.
+    """
+    from mrmission.vehicle.job import path_length_m
+
+    try:
+        rows = json.loads((folder / "report.json").read_text(encoding="utf-8"))["robots"]
+        told = {int(r["robot"]): (float(r["length_m"]), float(r["duration_s"])) for r in rows}
+    except (OSError, ValueError, KeyError, TypeError):
+        return {}
+    return {
+        mission.robot: told[mission.robot]
+        for mission in missions
+        if mission.robot in told
+        and math.isclose(path_length_m(mission), told[mission.robot][0], rel_tol=1e-3, abs_tol=1.0)
+    }
 
 
 def capacity_hint(

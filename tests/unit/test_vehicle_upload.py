@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import itertools
+import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pymavlink.dialects.v20.ardupilotmega as dialect
 import pytest
+from upload_missions import mission as upload_mission
 
+from mrmission.cli.upload_plan import reported_estimates
 from mrmission.errors import PlanFormatError, UploadError
 from mrmission.model import FencePolygon, Mission, MissionItem, RallyPoint
 from mrmission.options import VehicleLimits
@@ -202,3 +205,21 @@ def test_a_bad_record_is_named(tmp_path: Path, text: str) -> None:
     (tmp_path / "fleet.json").write_text(text)
     with pytest.raises(PlanFormatError, match=r"fleet\.json"):
         read_record(tmp_path)
+
+
+def test_times_of_a_folder_are_its_report_s_where_the_mission_is_the_report_s(
+    tmp_path: Path,
+) -> None:
+    whole = upload_mission(1)
+    other = upload_mission(2)
+    assert reported_estimates(tmp_path, [whole]) == {}
+    rows = [
+        {"robot": m.robot, "length_m": path_length_m(m), "duration_s": 100.0 * m.robot}
+        for m in (whole, other)
+    ]
+    (tmp_path / "report.json").write_text(json.dumps({"robots": rows}), encoding="utf-8")
+    shorter = replace(other, items=other.items[:5])
+    told = reported_estimates(tmp_path, [whole, shorter])
+    assert told == {1: (path_length_m(whole), 100.0)}
+    (tmp_path / "report.json").write_text("[]", encoding="utf-8")
+    assert reported_estimates(tmp_path, [whole]) == {}
