@@ -31,7 +31,8 @@ MODELS: Mapping[str, str] = {"steered": "motorboat", "pivoting": "pivoting"}
 """Which simulated boat is sailed for a steering type."""
 HOME_LONLAT = (8.53, 47.28)
 BERTH_M = 1000.0
-AUTOPILOT_VERSION = "AUTOPILOT_VERSION"
+LEAST_SPEED_SHARE = 0.95
+"""Of the speed ordered that a boat must reach on the run-in for its course to count."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -195,7 +196,13 @@ async def run_experiment(
                             # a boat that does not sail is left alone; others take its courses
                             return
                         continue
-                    if task.changes:
+                    if not result.speed_share >= LEAST_SPEED_SHARE:
+                        # what a corner costs over a speed that is not reached, means nothing
+                        failed.append(
+                            f"{task.name}: it does not reach its speed, only "
+                            f"{100 * result.speed_share:.0f} % of it after the run-in"
+                        )
+                    elif task.changes:
                         changes.extend(changes_of(task.setting.steering, task.course, result))
                     else:
                         results[task.setting] = result

@@ -188,8 +188,8 @@ def test_light_boats_are_calibrated_by_the_command(tmp_path: Path) -> None:
     out = tmp_path / "table.json"
     args = [
         "calibrate", "--engine", "light", "--speed", "2", "--wp-radius", "1", "--repeats", "1",
-        "--angle", "90", "--angle", "180", "--spacing", "10", "--speedup", "100",
-        "--boats", "1", "--out", str(out),
+        "--angle", "90", "--angle", "180", "--spacing", "10", "--speedup", "60",
+        "--boats", "2", "--out", str(out),
     ]  # fmt: skip
     result = CliRunner().invoke(cli, args)
     assert result.exit_code == 0, result.output

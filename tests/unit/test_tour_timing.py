@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import itertools
+from pathlib import Path
 
 import numpy as np
 import pytest
 import shapely
 
+from mrmission.calibrate.table import markdown
 from mrmission.errors import InputError
 from mrmission.model import FloatArray, LegKind
 from mrmission.partition.bound import area_bound_s
@@ -209,3 +211,8 @@ def test_bad_tables_are_refused() -> None:
             parse_table(bad, "a test")
     with pytest.raises(InputError, match="nothing measured for --steering pivoting"):
         TABLE.of("pivoting")
+
+
+def test_the_page_shows_the_packaged_table() -> None:
+    page = Path(__file__).parents[2] / "docs" / "time-model.md"
+    assert markdown(default_table()) in page.read_text(encoding="utf-8")
