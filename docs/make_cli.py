@@ -34,7 +34,7 @@ Results go to stdout, everything else (what was assumed, notes, progress) to std
 | code | meaning |
 | --- | --- |
 | 0 | done |
-| 1 | `check` or `preflight` found violations, `status` a vehicle without this plan |
+| 1 | `check`, `preflight` or `rehearse` found violations, `status` a vehicle without this plan |
 | 2 | usage or configuration: an option is unknown, out of range, or contradicts another |
 | 3 | input: a file cannot be read, or holds no area that can be used |
 | 4 | no plan could be made for a valid input |

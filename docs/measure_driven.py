@@ -5,7 +5,8 @@
     python docs/measure_driven.py OUT --table              the table of what OUT holds
 
 Needs an `ardurover` on PATH or named by ARDUROVER. One voyage of the demo lake is two hours and a
-quarter on the water. OUT keeps `rehearse.json`, tracks and a figure for each voyage.
+quarter on the water. OUT keeps `rehearse.json`, tracks and a figure for each voyage;
+`figures/driven.png` is the figure of `demo-motorboat-0.3`, in 64 colours.
 """
 
 from __future__ import annotations
@@ -96,7 +97,7 @@ def voyage(name: str, model: str, current_m_s: float, speedup: float, out: Path)
     )
     folder = out / f"{name}-{model}-{current_m_s:g}"
     write_rehearsal(driven, tracks, folder, overwrite=True)
-    save_tracks(result, tracks, driven, folder / "tracks.png", dpi=110, overwrite=True)
+    save_tracks(result, tracks, driven, folder / "tracks.png", dpi=140, end=False, overwrite=True)
 
 
 def _say(text: str) -> None:

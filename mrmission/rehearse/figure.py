@@ -38,6 +38,7 @@ def save_tracks(
     *,
     width_mm: float = 180.0,
     dpi: float = 200.0,
+    end: bool = True,
     overwrite: bool = False,
 ) -> Path:
     """Draw the planned legs and, over them, the tracks driven.
@@ -50,6 +51,8 @@ def save_tracks(
         File to write; its suffix, png, svg or pdf, is the format.
     width_mm, dpi
         Size, and pixels per inch of a PNG.
+    end
+        Whether what was driven after the last waypoint is drawn too, dotted.
     overwrite
         Whether a file that exists is replaced.
 
@@ -73,7 +76,7 @@ def save_tracks(
         figure = Figure(figsize=(width_in, height_in), dpi=dpi, facecolor="white")
         FigureCanvasAgg(figure)
         axes = figure.add_axes((0.01, foot_in / height_in, 0.98, map_in / height_in))
-        draw_tracks(axes, plan, tracks)
+        draw_tracks(axes, plan, tracks, end=end)
         met = driven.nearest
         line = (
             f"{human_share(driven.coverage.share)} swept, 95 % of the lanes kept to "
@@ -86,14 +89,14 @@ def save_tracks(
         style: dict[str, Any] = {"va": "top", "parse_math": False}
         figure.text(0.01, top, f"{plan.area.name}: driven", size=9, weight="bold", **style)
         figure.text(0.01, top - 0.17 / height_in, line, size=7, color="0.35", **style)
-        _legend(figure, driven)
+        _legend(figure, driven, end)
         stream = io.BytesIO()
         figure.savefig(stream, format=kind, dpi=dpi, metadata=_METADATA[kind])
     write_whole(path, stream.getvalue(), overwrite=overwrite)
     return path
 
 
-def draw_tracks(axes: Axes, plan: FleetPlan, tracks: Sequence[Track]) -> None:
+def draw_tracks(axes: Axes, plan: FleetPlan, tracks: Sequence[Track], *, end: bool = True) -> None:
     """Draw water, planned legs in grey, tracks in the robots' colours, homes."""
     from matplotlib.collections import LineCollection
     from matplotlib.patches import PathPatch
@@ -118,7 +121,7 @@ def draw_tracks(axes: Axes, plan: FleetPlan, tracks: Sequence[Track]) -> None:
             (track.under_way(), "-", 0.5),
             (track.afterwards(), (0, (1, 1)), 0.9),
         ):
-            if np.count_nonzero(mask) < 2:
+            if np.count_nonzero(mask) < 2 or (style != "-" and not end):
                 continue
             thin = shapely.simplify(shapely.LineString(points[mask]), THIN_M)
             axes.add_collection(
@@ -141,14 +144,14 @@ def draw_tracks(axes: Axes, plan: FleetPlan, tracks: Sequence[Track]) -> None:
     _scale_bar(axes)
 
 
-def _legend(figure: Any, driven: FleetDriven) -> None:
+def _legend(figure: Any, driven: FleetDriven, end: bool) -> None:
     from matplotlib.lines import Line2D
 
     handles: list[Any] = [
         Line2D([], [], color="0.55", linewidth=2.0, alpha=0.6, label="planned"),
         Line2D([], [], color="0.25", linewidth=0.8, label="driven"),
     ]
-    if any(row.watched_s > 0 for row in driven.robots):
+    if end and any(row.watched_s > 0 for row in driven.robots):
         dots = (0, (1, 1))
         handles.append(Line2D([], [], color="0.25", linewidth=1.0, linestyle=dots, label="at end"))
     for row in driven.robots[:12]:
