@@ -11,7 +11,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from functools import lru_cache
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -178,7 +177,7 @@ def read_table(path: Path, *, whole: bool = True) -> TimeTable:
 @lru_cache(maxsize=1)
 def default_table() -> TimeTable:
     """Return the packaged table, measured on ArduRover in SITL."""
-    text = resources.files("mrmission.tour").joinpath(PACKAGED).read_text(encoding="utf-8")
+    text = Path(__file__).with_name(PACKAGED).read_text(encoding="utf-8")
     return parse_table(text, PACKAGED)
 
 
