@@ -74,7 +74,12 @@ def area_of(name: str) -> SurveyArea:
 def voyage(name: str, model: str, current_m_s: float, speedup: float, out: Path) -> None:
     """Plan, sail, measure, and keep the results."""
     options = PlanOptions(
-        robots=ROBOTS, swath_m=SWATH_M, overlap=0.1, method="minmax", angle_deg=AREAS[name][3]
+        robots=ROBOTS,
+        swath_m=SWATH_M,
+        overlap=0.1,
+        method="minmax",
+        angle_deg=AREAS[name][3],
+        steering="steered" if model == "motorboat" else "pivoting",
     )
     result = plan(area_of(name), options)
     waters = Waters(

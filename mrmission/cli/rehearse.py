@@ -54,8 +54,8 @@ def parse_duration(text: str, flag: str) -> float:
 )
 @click.option(
     "--model",
-    help="Model of ArduPilot's: motorboat steers, motorboat-skid turns on the spot.  "
-    "[default: motorboat or rover, after --vehicle]",
+    help="Model of ArduPilot's: motorboat steers, pivoting turns on the spot (and wants --steering "
+    "pivoting).  [default: motorboat or rover, after --vehicle]",
 )
 @click.option(
     "--speedup",
