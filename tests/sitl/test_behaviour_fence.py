@@ -163,5 +163,7 @@ def test_avoidance_pushes_a_boat_off_a_lane_near_the_fence(
     off = [abs(e - 10.0) for _, e, n in track if 35 < n < 85]
     assert off
     if avoid and trial.engine == "light":
-        pytest.xfail("the light boat models no avoidance: docs/simulated-fleet.md")
+        # It models no avoidance; docs/simulated-fleet.md lists that as an open difference.
+        assert max(off) < least_m
+        return
     assert least_m <= max(off) <= most_m
