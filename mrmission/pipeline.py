@@ -57,7 +57,7 @@ from mrmission.tour.flight import time_model
 from mrmission.tour.order import PieceBook
 from mrmission.tour.path import assemble_paths
 from mrmission.tour.repair import fleet_legs, number_lanes, pieces_to_repair, repair, total_area
-from mrmission.tour.separation import delay_notes, start_delays_s, timeline
+from mrmission.tour.separation import delay_notes, timeline, worthwhile_delays_s
 from mrmission.tour.starts import bottleneck_assignment
 from mrmission.tour.sweep import Sweep, best_bearing_deg, lane_spacing_m, sweep_region
 from mrmission.tour.timing import TimeModel
@@ -448,10 +448,10 @@ def _start_one_after_the_other(
 ) -> list[str]:
     """Enter the delays of the starts into the rows, and return what to say about them."""
     order = sorted(rows)
-    delays = start_delays_s([timeline(paths[r], time) for r in order])
+    delays, horizon_s = worthwhile_delays_s([timeline(paths[r], time) for r in order])
     for robot, delay_s in zip(order, delays.tolist(), strict=True):
         rows[robot] = replace(rows[robot], start_delay_s=delay_s)
-    return delay_notes(rows)
+    return delay_notes(rows, horizon_s)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

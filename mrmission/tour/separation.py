@@ -13,6 +13,10 @@ longest tour first; for few robots every order is tried, and the one with the ea
 
 A robot that waits at its berth, before its start or after its end, does not count: it may be lifted
 out, and berths may lie nearer together than `D`.
+
+Hours later a time is predicted to minutes only, and keeping apart whatever might meet then would
+cost more hours than it is worth. Where it costs too much, delays see to the time after the starts
+alone, and the note says so.
 """
 
 from __future__ import annotations
@@ -37,6 +41,11 @@ STEP_S = 2.0
 """Length in time of the pieces that paths are cut into, where that gives not too many."""
 MOST_PIECES = 20_000
 """Pieces of all paths together; longer ones forbid more than they must, never less."""
+HORIZONS_S = (math.inf, 3600.0, 900.0)
+"""How long after their starts robots are kept apart: the first that is worth its delay, else the
+last."""
+WORTH_SHARE = 0.1
+"""What the last robot may come home later for it, as a share of the longest tour."""
 ALL_ORDERS = 5
 """Up to so many robots every order of choosing delays is tried."""
 
@@ -160,6 +169,7 @@ def start_delays_s(
     distance_m: float = DISTANCE_M,
     slack_s: float = SLACK_S,
     slack_share: float = SLACK_SHARE,
+    horizon_s: float = math.inf,
 ) -> FloatArray:
     """Return the delay of each robot's start, whole seconds, so that no two come near.
 
@@ -171,6 +181,8 @@ def start_delays_s(
         Least distance between two robots that are both under way.
     slack_s, slack_share
         See :func:`forbidden_s`.
+    horizon_s
+        Only places that both reach within so much time of their own starts count.
 
     Returns
     -------
@@ -180,7 +192,11 @@ def start_delays_s(
     count = len(lines)
     total_s = sum(line.duration_s for line in lines)
     step_s = max(STEP_S, total_s / MOST_PIECES)
-    pieces = [pieces_of(line, step_s) for line in lines]
+    pieces = []
+    for line in lines:
+        times, ends = pieces_of(line, step_s)
+        soon = times[:, 0] <= horizon_s
+        pieces.append((times[soon], ends[soon]))
     bad: dict[tuple[int, int], FloatArray] = {}
     for i, j in combinations(range(count), 2):
         found = forbidden_s(
@@ -213,21 +229,48 @@ def _greedy(
     return delays
 
 
-def delay_notes(rows: Mapping[int, RobotReport]) -> list[str]:
-    """Return a note that says in which order, and when, the robots start; empty without delays."""
+def worthwhile_delays_s(lines: Sequence[Timeline]) -> tuple[FloatArray, float]:
+    """Return the delays (k,) of the longest horizon that is worth them, and that horizon, s."""
+    longest_s = max((line.duration_s for line in lines), default=0.0)
+    for horizon_s in HORIZONS_S:
+        delays = start_delays_s(lines, horizon_s=horizon_s)
+        end_s = max((d + line.duration_s for d, line in zip(delays, lines, strict=True)), default=0)
+        if end_s - longest_s <= WORTH_SHARE * longest_s:
+            break
+    return delays, horizon_s
+
+
+def delay_notes(rows: Mapping[int, RobotReport], horizon_s: float = math.inf) -> list[str]:
+    """Return a note that says in which order, and when, the robots start; empty without delays.
+
+    Parameters
+    ----------
+    rows
+        The report's rows, by robot.
+    horizon_s
+        How long after their starts the delays keep them apart.
+    """
     late = [row for row in rows.values() if row.start_delay_s > 0]
     if not late:
         return []
     ends = [row.duration_s + row.start_delay_s for row in rows.values()]
     later_s = max(ends) - max(row.duration_s for row in rows.values())
     queue = sorted((r for r in rows.values() if r.lanes), key=lambda r: (r.start_delay_s, r.robot))
-    shown = [f"robot {r.robot} after {r.start_delay_s:.0f} s" for r in queue[1:9]]
-    more = " …" if len(queue) > 9 else ""
-    order = ", ".join([f"robot {queue[0].robot} first", *shown]) + more
+    first = [str(r.robot) for r in queue if r.start_delay_s == 0]
+    then = [f"robot {r.robot} after {r.start_delay_s:.0f} s" for r in queue if r.start_delay_s > 0]
+    at_once = f"robot{'s' * (len(first) > 1)} {_some(first)} first"
+    order = f"{at_once}, {_some(then)}"
     promise = f"no two under way come nearer than {DISTANCE_M:g} m"
+    if math.isfinite(horizon_s):
+        promise += f" in their first {horizon_s / 60:.0f} min (later ones may: look out)"
+    later = f"{later_s:.0f} s later" if later_s else "no later"
     return [
         (
             f"launch {order}: then {promise}, if times are predicted to {SLACK_SHARE:.0%}; "
-            f"the last one is home {later_s:.0f} s later for it"
+            f"the last one is home {later} for it"
         )
     ]
+
+
+def _some(names: Sequence[str]) -> str:
+    return ", ".join(names[:8]) + " …" * (len(names) > 8)

@@ -19,6 +19,7 @@ from mrmission.tour.separation import (
     start_delays_s,
     timeline,
     union_of,
+    worthwhile_delays_s,
 )
 from mrmission.tour.timing import TimeModel
 
@@ -161,3 +162,27 @@ def test_the_note_names_the_order() -> None:
     assert note.startswith("launch robot 2 first, robot 1 after 40 s: then")
     assert "home 20 s later" in note
     assert delay_notes({1: row(1, 0.0, 100.0)}) == []
+    (note,) = delay_notes({1: row(1, 5.0, 100.0), 2: row(2, 0.0, 120.0), 3: row(3, 0.0, 90.0)})
+    assert note.startswith("launch robots 2, 3 first, robot 1 after 5 s: then")
+    assert "home no later" in note
+    (note,) = delay_notes({1: row(1, 40.0, 100.0), 2: row(2, 0.0, 120.0)}, 3600.0)
+    assert "nearer than 20 m in their first 60 min (later ones may: look out), if" in note
+
+
+def test_delays_that_cost_too_much_see_to_the_time_after_the_starts() -> None:
+    """Two that leave side by side and share a long way home, an hour and a half later."""
+    shared = [(9000.0, 0.0), (9000.0, 500.0)]
+    first = line(1, [(0.0, 0.0), *shared, (0.0, 500.0)])
+    second = line(2, [(0.0, 30.0), (9000.0, 30.0), (9000.0, 501.0), (0.0, 501.0)])
+    whole = start_delays_s([first, second])
+    assert whole.max() > 0.0
+    delays, horizon_s = worthwhile_delays_s([first, second])
+    assert horizon_s == np.inf
+    assert delays.tolist() == whole.tolist()
+    # to and fro on one line: whatever the delay, they meet again and again
+    to_and_fro = [(0.0, 0.0), *[(900.0, 0.0), (0.0, 0.0)] * 20]
+    meeting = [line(1, to_and_fro), line(2, [(x, y + 5.0) for x, y in to_and_fro])]
+    assert start_delays_s(meeting).max() > 0.1 * meeting[0].duration_s
+    delays, horizon_s = worthwhile_delays_s(meeting)
+    assert horizon_s == 900.0
+    assert 0.0 < delays.max() < start_delays_s(meeting).max()

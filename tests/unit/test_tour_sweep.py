@@ -17,7 +17,6 @@ from mrmission.tour.sweep import (
     sweep_region,
 )
 
-
 TURN_S = 6.0
 
 
