@@ -409,6 +409,9 @@ class LinkTrial(Trial):
         self.send(mavlink.MAVLink_request_data_stream_message(self.system_id, 1, 0, 0, 0))
         for number, interval_s in WATCHED.items():
             self.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, number, interval_s * 1e6)
+        # Until a message with a stamp has come, no time is known.
+        for _ in self.listen(0.0):
+            pass
 
     @property
     def now_s(self) -> float:

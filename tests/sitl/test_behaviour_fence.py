@@ -67,6 +67,7 @@ def test_a_fence_that_is_not_enabled_stops_nobody(trial_of: TrialOf) -> None:
     trial = fenced(trial_of(**POLYGON_ONLY), ELSEWHERE, enable=0.0)
     assert objection(trial) == ""
     assert trial.command(mavlink.MAV_CMD_DO_FENCE_ENABLE, 1) == ACCEPTED
+    trial.wait(2.0)  # it looks at its fence now and then
     assert objection(trial) == "Arm: Vehicle breaching Polygon fence"
 
 
