@@ -50,6 +50,10 @@ BOARD = VehicleLimits()
 """The limits of a plan for which none were given: those of its kind of vehicle."""
 
 
+REVERSAL_M = 6.0
+"""How far a steered boat swings at a reversal: 5.8 m at most in twelve, docs/time-model.md."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlanOptions:
     """Options of one plan. Units are in the names; see `docs/cli.md` for the flags.
@@ -193,6 +197,18 @@ class PlanOptions:
         """
         camera = self.trigger_distance_m > 0 and self.trigger == "lanes"
         return camera or self.turnaround_m > 0
+
+    @property
+    def fence_room_m(self) -> float:
+        """Distance that a fence keeps from the way, m, where the water has room for it.
+
+        At least ``fence_margin_m``. A boat with a rudder leaves its way by up to `REVERSAL_M` at a
+        reversal, which must not be a breach while there is water; half of the clearance is left
+        to the fence, whose points are few.
+        """
+        if self.vehicle == "copter" or self.steering != "steered":
+            return self.fence_margin_m
+        return max(self.fence_margin_m, min(self.clearance_m / 2, REVERSAL_M))
 
     def as_dict(self) -> dict[str, Any]:
         """Return the options as plain JSON values."""

@@ -103,7 +103,7 @@ def build_mission(
             launch = part.intersection(launch)
         try:
             fit = fit_fence(
-                part, [route.path.points_m], options.fence_margin_m, options.limits, keep=[launch],
+                part, [route.path.points_m], options.fence_room_m, options.limits, keep=[launch],
                 frame=frame,
             )  # fmt: skip
         except InfeasibleError as error:
