@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import json
 import math
-import re
 from pathlib import Path
 
 from mrmission.errors import InputError
 
-_PLAN_FILE = re.compile(r"robot-(\d+)(?:-sortie-(\d+))?\.plan")
 _TOGETHER_M = 1.0
 
 
@@ -36,23 +34,22 @@ def plan_homes(folder: Path) -> tuple[tuple[float, float], ...]:
     PlanFormatError
         When one cannot be read.
     """
+    from mrmission.mission.files import plan_files
     from mrmission.mission.qgc_plan import read_plan
     from mrmission.simulate.fleet import berths_lonlat
     from mrmission.simulate.motion import offset_m
 
     if not folder.is_dir():
         raise InputError(f"--for {folder}: is not a folder; name one that `mrmission plan` left")
-    first: dict[int, tuple[int, Path]] = {}
-    for path in folder.iterdir():
-        if match := _PLAN_FILE.fullmatch(path.name):
-            robot, sortie = int(match[1]), int(match[2] or 1)
-            first[robot] = min(first.get(robot, (sortie, path)), (sortie, path))
+    first: dict[int, Path] = {}
+    for robot, _, path in plan_files(folder):
+        first.setdefault(robot, path)
     if not first:
         raise InputError(
             f"--for {folder}: holds no robot-1.plan; name a folder that `mrmission plan` left"
         )
     homes: list[tuple[float, float]] = []
-    for _, (_, path) in sorted(first.items()):
+    for path in first.values():
         # Read as a plan for the checks; the mission of a robot without work keeps no home.
         read_plan(path)
         home = json.loads(path.read_text())["mission"]["plannedHomePosition"]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -16,8 +15,6 @@ from mrmission.cli.options import assumed_options
 from mrmission.errors import ConfigError, InputError, PlanFormatError
 from mrmission.model import FleetPlan, Mission, SurveyArea
 from mrmission.options import PlanOptions, VehicleLimits
-
-_PLAN_FILE = re.compile(r"robot-(\d+)(?:-sortie-(\d+))?\.plan")
 
 
 def again(out: Path, overwrite: bool) -> bool:
@@ -126,13 +123,14 @@ def read_missions(folder: Path, *, named: str = "--from ") -> list[Mission]:
     PlanFormatError
         When one cannot be read.
     """
+    from mrmission.mission.files import plan_files
     from mrmission.mission.qgc_plan import read_plan
 
     if not folder.exists():
         raise InputError(f"{named}{folder}: no such folder; name one that `mrmission plan` left")
     if not folder.is_dir():
         raise InputError(f"{named}{folder}: is not a folder; name one that `mrmission plan` left")
-    paths = [path for path in folder.iterdir() if _PLAN_FILE.fullmatch(path.name)]
+    paths = [path for _, _, path in plan_files(folder)]
     if not paths:
         raise InputError(
             f"{named}{folder}: holds no robot-1.plan; name a folder that `mrmission plan` left"

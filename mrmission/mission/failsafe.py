@@ -26,15 +26,6 @@ SMART_RTL_BATCH_M = 100.0
 POINTS_PER_CORNER = 1.75
 """Fitted to when SmartRTL ran out of points on short lanes, see docs/failsafes.md."""
 
-ACTIONS = {
-    0: "report only",
-    1: "return to launch, or hold",
-    2: "hold",
-    3: "SmartRTL, or return to launch, or hold",
-    4: "SmartRTL, or hold",
-}
-"""FENCE_ACTION of a boat or rover; FS_ACTION and BATT_FS_*_ACT mean the same by these numbers."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StraightWays:

@@ -4,10 +4,19 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import tempfile
 from pathlib import Path
 
 from mrmission.errors import ConfigError
+
+_PLAN_FILE = re.compile(r"robot-(\d+)(?:-sortie-(\d+))?\.plan")
+
+
+def plan_files(folder: Path) -> list[tuple[int, int, Path]]:
+    """Return robot, sortie and path of a folder's ``robot-*.plan`` files, by robot and sortie."""
+    found = [(_PLAN_FILE.fullmatch(path.name), path) for path in folder.iterdir()]
+    return sorted((int(m[1]), int(m[2] or 1), path) for m, path in found if m is not None)
 
 
 def write_whole(path: str | os.PathLike[str], data: bytes | str, overwrite: bool = False) -> None:

@@ -8,17 +8,17 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from mrmission.errors import ConfigError, SimulatorError, UploadError
-from mrmission.mission import mavlink
 from mrmission.model import Mission
 from mrmission.rehearse.pilot import SailOrders, SailProgress, sail
 from mrmission.rehearse.track import Track
+from mrmission.vehicle.assign import first_sorties
 
 if TYPE_CHECKING:
     from mrmission.vehicle.upload import UploadRow
 
 ENGINES = ("light", "ardupilot")
 FIRST_SYSTEM_ID = 1
-_MOST = {"light": 100.0, "ardupilot": 100.0}
+MOST_SPEEDUP = 100.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,7 +56,7 @@ class Waters:
     def __post_init__(self) -> None:
         if self.engine not in ENGINES:
             raise ConfigError(f"--engine {self.engine}: must be one of {', '.join(ENGINES)}")
-        if not 0 < self.speedup <= _MOST[self.engine]:
+        if not 0 < self.speedup <= MOST_SPEEDUP:
             raise ConfigError(f"--speedup {self.speedup:g}: must be above 0 and at most 100")
         if not 0 <= self.current_m_s <= 5:
             raise ConfigError(f"--current {self.current_m_s:g}: must be from 0 to 5 m/s")
@@ -91,11 +91,7 @@ class Waters:
 
 def sailing_missions(missions: Sequence[Mission]) -> list[Mission]:
     """Return the missions that have somewhere to sail to, the first sortie of each robot."""
-    first: dict[int, Mission] = {}
-    for mission in sorted(missions, key=lambda m: (m.robot, m.sortie)):
-        if len(mission.items) > 2:
-            first.setdefault(mission.robot, mission)
-    return [first[robot] for robot in sorted(first)]
+    return first_sorties([mission for mission in missions if len(mission.items) > 2])
 
 
 def home_of(mission: Mission) -> tuple[float, float]:
@@ -210,9 +206,3 @@ def _check_upload(rows: Sequence[UploadRow]) -> None:
             raise UploadError(
                 f"robot {row.robot}, vehicle {row.system_id}: {row.status}: {row.detail}"
             )
-
-
-def last_position(mission: Mission) -> tuple[float, float]:
-    """Return the last position of a mission, (lon, lat) degrees."""
-    rows = [i for i in mission.items if i.command in mavlink.NAVIGATION and (i.x or i.y)]
-    return rows[-1].y / 1e7, rows[-1].x / 1e7

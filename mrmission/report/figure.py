@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import math
+from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,6 +22,7 @@ from mrmission.report.units import human_duration, human_gap, human_length
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 FORMATS = ("png", "svg", "pdf")
 _METADATA: dict[str, dict[str, Any]] = {
@@ -77,42 +80,70 @@ def save_figure(
         matplotlib is not installed.
     """
     path = check_figure(path, overwrite=overwrite)
+    report, robots = plan.report, len(plan.report.robots)
+    legend_rows = math.ceil((min(robots, _LEGEND_ROBOTS) + 5) / 8)
+    line = (
+        f"{robots} robot{'' if robots == 1 else 's'}, home after "
+        f"{human_duration(report.makespan_s)}, gap to the {report.lower_bound_name} "
+        f"{human_gap(report.gap)}"
+    )
+    with picture(
+        path, plan, width_mm=width_mm, dpi=dpi, foot_in=0.1 + 0.17 * legend_rows,
+        title=(plan.area.name, line) if title else None, overwrite=overwrite,
+    ) as (figure, axes):  # fmt: skip
+        draw_plan(axes, plan)
+        _legend(figure, plan)
+    return path
+
+
+@contextlib.contextmanager
+def picture(
+    path: Path,
+    plan: FleetPlan,
+    *,
+    width_mm: float,
+    dpi: float,
+    foot_in: float,
+    title: tuple[str, str] | None,
+    overwrite: bool,
+) -> Iterator[tuple[Figure, Axes]]:
+    """Yield a figure with axes of a plan's proportions, and write it when all is drawn.
+
+    Parameters
+    ----------
+    path
+        File to write, as :func:`check_figure` returned it.
+    plan
+        Whose water is shown.
+    width_mm, dpi, overwrite
+        As for :func:`save_figure`.
+    foot_in
+        Room for a legend below the map, inches.
+    title
+        What stands above the map, in large and in small; None for nothing.
+    """
     import matplotlib as mpl
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     kind = path.suffix.lower().lstrip(".")
     west, south, east, north = plan.water_m.bounds
-    ratio = (north - south) / max(east - west, 1e-9)
     width_in = width_mm / 25.4
-    map_in = width_in * min(max(ratio, 0.25), 1.25)
-    robots = len(plan.report.robots)
-    legend_rows = math.ceil((min(robots, _LEGEND_ROBOTS) + 5) / 8)
-    foot_in = 0.1 + 0.17 * legend_rows
-    head_in = 0.36 if title else 0.06
-    height_in = map_in + foot_in + head_in
+    map_in = width_in * min(max((north - south) / max(east - west, 1e-9), 0.25), 1.25)
+    height_in = map_in + foot_in + (0.06 if title is None else 0.36)
     with mpl.rc_context(_STYLE):
         figure = Figure(figsize=(width_in, height_in), dpi=dpi, facecolor="white")
         FigureCanvasAgg(figure)
-        box = (0.01, foot_in / height_in, 0.98, map_in / height_in)
-        axes = figure.add_axes(box)
-        draw_plan(axes, plan)
-        if title:
-            report = plan.report
-            line = (
-                f"{robots} robot{'' if robots == 1 else 's'}, home after "
-                f"{human_duration(report.makespan_s)}, gap to the {report.lower_bound_name} "
-                f"{human_gap(report.gap)}"
-            )
+        axes = figure.add_axes((0.01, foot_in / height_in, 0.98, map_in / height_in))
+        if title is not None:
             top = 1 - 0.05 / height_in
             plain: dict[str, Any] = {"va": "top", "parse_math": False}
-            figure.text(0.01, top, plan.area.name, size=9, weight="bold", **plain)
-            figure.text(0.01, top - 0.17 / height_in, line, size=7, color="0.35", **plain)
-        _legend(figure, plan)
+            figure.text(0.01, top, title[0], size=9, weight="bold", **plain)
+            figure.text(0.01, top - 0.17 / height_in, title[1], size=7, color="0.35", **plain)
+        yield figure, axes
         stream = io.BytesIO()
         figure.savefig(stream, format=kind, dpi=dpi, metadata=_METADATA[kind])
     write_whole(path, stream.getvalue(), overwrite=overwrite)
-    return path
 
 
 def check_figure(path: Path | str, overwrite: bool = False) -> Path:
@@ -163,26 +194,45 @@ def draw_plan(axes: Axes, plan: FleetPlan) -> None:
     plan
         The plan.
     """
-    from matplotlib.patches import PathPatch
-    from matplotlib.path import Path as Outline
-
-    def patch(shape: shapely.Polygon, **style: Any) -> None:
-        rings = [shapely.get_coordinates(ring) for ring in (shape.exterior, *shape.interiors)]
-        outline = Outline.make_compound_path(*[Outline(ring, closed=True) for ring in rings])
-        axes.add_patch(PathPatch(outline, **style))
-
-    for shape in polygons(plan.water_m):
-        patch(shape, facecolor="#d3e4ee", edgecolor="#57666c", linewidth=0.6, zorder=1)
-    for shape in polygons(plan.region_m):
-        patch(shape, facecolor="#f3f9fc", edgecolor="#7fa3b5", linewidth=0.3, zorder=2)
+    draw_water(axes, plan)
     for shape in unreached_polygons(plan):
-        patch(shape, facecolor="none", edgecolor="#b06a6a", hatch="//////", linewidth=0.3, zorder=2)
+        _patch(
+            axes, shape, facecolor="none", edgecolor="#b06a6a", hatch="//////", linewidth=0.3,
+            zorder=2,
+        )  # fmt: skip
     found = tracks(plan)
     pitch_m = _arrow_pitch_m(plan)
     taken: set[tuple[int, int]] = set()
     for robot, track in found.items():
         _draw_track(axes, robot, track, pitch_m, taken)
     _draw_starts(axes, plan, list(found))
+    fit_axes(axes, plan)
+    axes.annotate(
+        "N", (0.985, 0.985), (0.985, 0.92), xycoords="axes fraction", ha="center", va="top",
+        size=7, weight="bold", zorder=9,
+        arrowprops={"arrowstyle": "-|>", "color": "black", "linewidth": 0.8, "shrinkA": 0},
+    )  # fmt: skip
+
+
+def draw_water(axes: Axes, plan: FleetPlan) -> None:
+    """Draw the water and, over it, what of it is navigable."""
+    for shape in polygons(plan.water_m):
+        _patch(axes, shape, facecolor="#d3e4ee", edgecolor="#57666c", linewidth=0.6, zorder=1)
+    for shape in polygons(plan.region_m):
+        _patch(axes, shape, facecolor="#f3f9fc", edgecolor="#7fa3b5", linewidth=0.3, zorder=2)
+
+
+def _patch(axes: Axes, shape: shapely.Polygon, **style: Any) -> None:
+    from matplotlib.patches import PathPatch
+    from matplotlib.path import Path as Outline
+
+    rings = [shapely.get_coordinates(ring) for ring in (shape.exterior, *shape.interiors)]
+    outline = Outline.make_compound_path(*[Outline(ring, closed=True) for ring in rings])
+    axes.add_patch(PathPatch(outline, **style))
+
+
+def fit_axes(axes: Axes, plan: FleetPlan) -> None:
+    """Show the water as a whole, in equal aspect, without ticks, with a scale bar."""
     west, south, east, north = plan.water_m.bounds
     margin = 0.02 * max(east - west, north - south)
     axes.set_xlim(west - margin, east + margin)
@@ -191,11 +241,6 @@ def draw_plan(axes: Axes, plan: FleetPlan) -> None:
     axes.set_aspect("equal", adjustable="box")
     axes.set_axis_off()
     _scale_bar(axes)
-    axes.annotate(
-        "N", (0.985, 0.985), (0.985, 0.92), xycoords="axes fraction", ha="center", va="top",
-        size=7, weight="bold", zorder=9,
-        arrowprops={"arrowstyle": "-|>", "color": "black", "linewidth": 0.8, "shrinkA": 0},
-    )  # fmt: skip
 
 
 def _arrow_pitch_m(plan: FleetPlan) -> float:

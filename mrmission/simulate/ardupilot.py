@@ -16,8 +16,7 @@ from typing import Any
 from mrmission.errors import ConfigError, SimulatorError
 from mrmission.simulate.ardupilot_models import (
     MODELS,
-    check_numbers,
-    checked_starts,
+    check_base_port,
     parameter_file,
 )
 from mrmission.simulate.ardupilot_process import (
@@ -36,7 +35,13 @@ from mrmission.simulate.ardupilot_ready import (
     empty_stores,
     wait_ready,
 )
-from mrmission.simulate.fleet import BASE_PORT, BERTH_SPACING_M, PORT_STEP
+from mrmission.simulate.fleet import (
+    BASE_PORT,
+    BERTH_SPACING_M,
+    PORT_STEP,
+    check_numbers,
+    checked_starts,
+)
 from mrmission.simulate.motion import moved
 
 POLL_S = 0.2
@@ -127,10 +132,11 @@ class ArdupilotFleet:
         folder: Path | None = None,
         progress: Callable[[int, str], None] | None = None,
     ) -> None:
+        check_numbers(count, first_system_id, speedup, "vehicles")
+        check_base_port(base_port, count)
         self.starts_lonlat = checked_starts(
-            count, home_lonlat, starts_lonlat, spacing_m, heading_deg
+            count, home_lonlat, starts_lonlat, spacing_m, heading_deg, "vehicles"
         )
-        check_numbers(count, first_system_id, speedup, base_port)
         if model not in MODELS:
             raise ConfigError(f"--model {model}: must be one of {', '.join(MODELS)}")
         self.model = MODELS[model]

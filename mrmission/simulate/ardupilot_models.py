@@ -6,13 +6,13 @@ The files are those of the folder ``sitl/``: read there in a checkout, from the 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from mrmission.errors import ConfigError, SimulatorError
 from mrmission.simulate.ardupilot_process import SECOND_LINK
-from mrmission.simulate.fleet import PORT_STEP, berths_lonlat
+from mrmission.simulate.fleet import PORT_STEP
 
 CHECKOUT_SITL = Path(__file__).resolve().parents[2] / "sitl"
 PACKAGED_SITL = Path(__file__).resolve().parent / "sitl"
@@ -112,54 +112,17 @@ def survey_parameters(model: str = "motorboat") -> dict[str, float]:
     return values
 
 
-def check_numbers(count: int, first_system_id: int, speedup: float, base_port: int) -> None:
-    """Refuse numbers that no fleet can have.
+def check_base_port(base_port: int, count: int) -> None:
+    """Refuse a first port from which not all vehicles have ports.
 
     Raises
     ------
     ConfigError
-        When a number is out of range.
+        When it is out of range.
     """
-    last_id = first_system_id + count - 1
-    if not (first_system_id >= 1 and last_id <= 255):
-        raise ConfigError(
-            f"--sysid {first_system_id}: {count} vehicles need system ids up to {last_id}, "
-            "MAVLink has 1 to 255"
-        )
-    if not (math.isfinite(speedup) and 0 < speedup <= 100):
-        raise ConfigError(f"--speedup {speedup}: must be above 0 and at most 100")
     last_port = base_port + PORT_STEP * (count - 1) + SECOND_LINK
     if base_port != 0 and not (base_port >= 1024 and last_port <= 65535):
         raise ConfigError(
             f"--base-port {base_port}: {count} vehicles need ports up to {last_port}, "
             "there are 1024 to 65535"
         )
-
-
-def checked_starts(
-    count: int,
-    home_lonlat: tuple[float, float],
-    starts_lonlat: Sequence[tuple[float, float]] | None,
-    spacing_m: float,
-    heading_deg: float,
-) -> tuple[tuple[float, float], ...]:
-    """Return where every vehicle starts.
-
-    Raises
-    ------
-    ConfigError
-        When the count is out of range or contradicts the positions, or a position is no lon/lat.
-    """
-    if not 1 <= count <= 250:
-        raise ConfigError(f"--k {count}: a simulated fleet has 1 to 250 vehicles")
-    starts = (
-        tuple(starts_lonlat)
-        if starts_lonlat is not None
-        else berths_lonlat(home_lonlat, count, spacing_m, heading_deg)
-    )
-    if len(starts) != count:
-        raise ConfigError(f"{len(starts)} start positions given for {count} vehicles")
-    for lon, lat in starts:
-        if not (abs(lon) <= 180 and abs(lat) < 90):
-            raise ConfigError(f"--home {lon},{lat}: must be LON,LAT in degrees")
-    return starts

@@ -54,6 +54,54 @@ def berths_lonlat(
     return tuple((round(point[1], 7), round(point[0], 7)) for point in points)
 
 
+def check_numbers(count: int, first_system_id: int, speedup: float, noun: str) -> None:
+    """Refuse numbers that no fleet can have; `noun` is what its vehicles are called.
+
+    Raises
+    ------
+    ConfigError
+        When a number is out of range.
+    """
+    if not 1 <= count <= 250:
+        raise ConfigError(f"--k {count}: a simulated fleet has 1 to 250 {noun}")
+    last_id = first_system_id + count - 1
+    if not (first_system_id >= 1 and last_id <= 255):
+        raise ConfigError(
+            f"--sysid {first_system_id}: {count} {noun} need system ids up to {last_id}, "
+            "MAVLink has 1 to 255"
+        )
+    if not (math.isfinite(speedup) and 0 < speedup <= 100):
+        raise ConfigError(f"--speedup {speedup}: must be above 0 and at most 100")
+
+
+def checked_starts(
+    count: int,
+    home_lonlat: tuple[float, float],
+    starts_lonlat: Sequence[tuple[float, float]] | None,
+    spacing_m: float,
+    heading_deg: float,
+    noun: str,
+) -> tuple[tuple[float, float], ...]:
+    """Return where every vehicle starts.
+
+    Raises
+    ------
+    ConfigError
+        When the positions are not as many as vehicles, or one is no lon/lat.
+    """
+    starts = (
+        tuple(starts_lonlat)
+        if starts_lonlat is not None
+        else berths_lonlat(home_lonlat, count, spacing_m, heading_deg)
+    )
+    if len(starts) != count:
+        raise ConfigError(f"{len(starts)} start positions given for {count} {noun}")
+    for lon, lat in starts:
+        if not (abs(lon) <= 180 and abs(lat) < 90):
+            raise ConfigError(f"--home {lon},{lat}: must be LON,LAT in degrees")
+    return starts
+
+
 class SimulatedFleet:
     """K simulated boats on loopback, as an async context manager.
 
@@ -118,32 +166,14 @@ class SimulatedFleet:
         kinematics: Kinematics | None = None,
         kind: str = "boat",
     ) -> None:
-        if not 1 <= count <= 250:
-            raise ConfigError(f"--k {count}: a simulated fleet has 1 to 250 boats")
-        last_id = first_system_id + count - 1
-        if not (first_system_id >= 1 and last_id <= 255):
-            raise ConfigError(
-                f"--sysid {first_system_id}: {count} boats need system ids up to {last_id}, "
-                "MAVLink has 1 to 255"
-            )
-        if not (math.isfinite(speedup) and 0 < speedup <= 100):
-            raise ConfigError(f"--speedup {speedup}: must be above 0 and at most 100")
+        check_numbers(count, first_system_id, speedup, "boats")
         last_port = base_port + PORT_STEP * (count - 1)
         if base_port != 0 and not (base_port >= 1 and last_port <= 65535):
             raise ConfigError(
                 f"--base-port {base_port}: {count} boats need ports up to {last_port}, "
                 "the last there is is 65535"
             )
-        starts = (
-            tuple(starts_lonlat)
-            if starts_lonlat is not None
-            else berths_lonlat(home_lonlat, count, spacing_m, heading_deg)
-        )
-        if len(starts) != count:
-            raise ConfigError(f"{len(starts)} start positions given for {count} boats")
-        for lon, lat in starts:
-            if not (abs(lon) <= 180 and abs(lat) < 90):
-                raise ConfigError(f"--home {lon},{lat}: must be LON,LAT in degrees")
+        starts = checked_starts(count, home_lonlat, starts_lonlat, spacing_m, heading_deg, "boats")
         self._base_port = base_port
         self._udp_out = udp_out
         self.starts_lonlat = starts

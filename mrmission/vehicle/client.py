@@ -9,7 +9,6 @@ import contextlib
 from collections.abc import AsyncIterator, Callable, Sequence
 
 from mrmission.errors import LinkTimeoutError
-from mrmission.options import VehicleLimits
 from mrmission.vehicle.connection import Connection
 from mrmission.vehicle.framing import AUTOPILOT_COMPONENT_ID, Message, Signing, mavlink
 from mrmission.vehicle.items import MissionType, RawItem
@@ -22,7 +21,6 @@ from mrmission.vehicle.links import (
     LinkTimeouts,
     TransferError,
     items_supported,
-    sd_limits,
 )
 from mrmission.vehicle.messages import Autopilot, any_message
 from mrmission.vehicle.mission_protocol import Clear, Download, Upload
@@ -159,15 +157,6 @@ class Vehicle(Autopilot):
         with contextlib.suppress(LinkTimeoutError):
             await self.message("GLOBAL_POSITION_INT", POSITION_S)
         return self.position_lonlat()
-
-    async def limits(self, default: VehicleLimits) -> VehicleLimits:
-        """Return what the vehicle can hold: `default`, or more where it stores on an SD card."""
-        told = await self.parameters(["BRD_SD_MISSION", "BRD_SD_FENCE"])
-        return sd_limits(
-            default,
-            mission_kib=told["BRD_SD_MISSION"] or 0.0,
-            fence_kib=told["BRD_SD_FENCE"] or 0.0,
-        )
 
     # --- stores ----------------------------------------------------------------------------------
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from mrmission.vehicle.connection import Connection
 from mrmission.vehicle.framing import Signing
-from mrmission.vehicle.links import FleetLinks, LinkTimeouts, same_id_error
+from mrmission.vehicle.links import FleetLinks, LinkTimeouts, distinct
 from mrmission.vehicle.station import Link, LinkOpenError
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ async def discover(
     try:
         await _wait(opened, expected=expected, timeouts=timeouts, patient=patient)
         yield FleetLinks(
-            vehicles=await _unique(opened),
+            vehicles=await distinct((one.connection, one.found) for one in opened),
             silent={one.connection.url: one.reason for one in opened if not one.found},
         )
     finally:
@@ -132,26 +132,3 @@ def _silence(one: _Open, timeouts: LinkTimeouts) -> str:
             "between"
         )
     return f"open, but no heartbeat in {timeouts.discovery_s:g} s"
-
-
-async def _unique(opened: Sequence[_Open]) -> dict[int, Vehicle]:
-    """Return all vehicles by system id.
-
-    Raises
-    ------
-    VehicleError
-        When two have the same.
-    """
-    vehicles: dict[int, Vehicle] = {}
-    for one in opened:
-        for system_id, vehicle in one.found.items():
-            if system_id in vehicles:
-                raise same_id_error(system_id, vehicles[system_id].connection, one.connection)
-            vehicles[system_id] = vehicle
-    ordered = dict(sorted(vehicles.items()))
-    for vehicle, twins in zip(
-        ordered.values(), await asyncio.gather(*(v.twins() for v in ordered.values())), strict=True
-    ):
-        if twins:
-            raise same_id_error(vehicle.system_id, vehicle.connection, vehicle.connection)
-    return ordered

@@ -30,6 +30,11 @@ class MissionType(enum.IntEnum):
         """What messages to people call it."""
         return ("mission", "fence", "rally points")[self]
 
+    @property
+    def empty_count(self) -> int:
+        """The most items that an empty store counts: a mission may still count its home."""
+        return 1 if self is MissionType.MISSION else 0
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RawItem:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Protocol
 
 from mrmission.errors import MrMissionError, ReadbackMismatchError, VehicleError
+from mrmission.mission import mavlink
 from mrmission.model import Mission
 from mrmission.options import PlanOptions
 from mrmission.vehicle.items import MissionType, RawItem, to_raw
@@ -39,8 +40,6 @@ from mrmission.vehicle.saved import (
 READINGS = 3
 """How often a vehicle is read before a difference counts as what it stores."""
 
-_NAV_WAYPOINT = 16
-_DO_CHANGE_SPEED = 178
 _DO_NOT_START = "do not start it before another upload was verified"
 
 
@@ -388,9 +387,9 @@ class Job:
 
     async def _emptied(self, vehicle: StoreVehicle) -> bool:
         try:
-            for kind in (MissionType.MISSION, MissionType.FENCE, MissionType.RALLY):
+            for kind in MissionType:
                 await vehicle.clear(kind)
-                if await vehicle.stored_count(kind) > (1 if kind is MissionType.MISSION else 0):
+                if await vehicle.stored_count(kind) > kind.empty_count:
                     return False
         except VehicleError:
             # A transfer that broke off is held open for a while, and clearing refused as long.
@@ -419,7 +418,7 @@ def path_length_m(mission: Mission) -> float:
     """Return the length of a mission's way from home through its waypoints, metres."""
     import pyproj
 
-    points = [i for n, i in enumerate(mission.items) if n == 0 or i.command == _NAV_WAYPOINT]
+    points = [i for n, i in enumerate(mission.items) if n == 0 or i.command == mavlink.NAV_WAYPOINT]
     if len(points) < 2:
         return 0.0
     geod = pyproj.Geod(ellps="WGS84")
@@ -428,5 +427,7 @@ def path_length_m(mission: Mission) -> float:
 
 def _own_estimate(mission: Mission) -> tuple[float, float | None]:
     length_m = path_length_m(mission)
-    speeds = [i.param2 for i in mission.items if i.command == _DO_CHANGE_SPEED and i.param2 > 0]
+    speeds = [
+        i.param2 for i in mission.items if i.command == mavlink.DO_CHANGE_SPEED and i.param2 > 0
+    ]
     return length_m, (length_m / speeds[0] if speeds else None)

@@ -5,8 +5,9 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
-from collections.abc import AsyncIterator, Callable, Iterable, Sequence
+from collections.abc import AsyncIterator, Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
@@ -117,9 +118,6 @@ class StoreVehicle(Protocol):
     async def parameter(self, name: str) -> float | None:
         """Return a parameter's value, None where the vehicle does not have or tell it."""
 
-    async def limits(self, default: VehicleLimits) -> VehicleLimits:
-        """Return what the vehicle can hold."""
-
     async def room(self, mission_type: MissionType) -> int | None:
         """Return how many items a store takes at most, None where the vehicle does not tell."""
 
@@ -139,6 +137,9 @@ class StoreVehicle(Protocol):
 
     async def clear(self, mission_type: MissionType) -> None:
         """Empty a store."""
+
+
+V = TypeVar("V", bound=StoreVehicle)
 
 
 @dataclass(slots=True)
@@ -245,6 +246,29 @@ def items_supported(texts: Iterable[str]) -> int | None:
         if words[:1] == ["Only"] and words[2:4] == ["items", "are"] and words[1].isdigit():
             return int(words[1])
     return None
+
+
+async def distinct(found: Iterable[tuple[Connection, Mapping[int, V]]]) -> dict[int, V]:
+    """Return the vehicles of all links by system id.
+
+    Raises
+    ------
+    VehicleError
+        When two have the same, on two links or on one.
+    """
+    vehicles: dict[int, V] = {}
+    for connection, here in found:
+        for system_id, vehicle in here.items():
+            if system_id in vehicles:
+                raise same_id_error(system_id, vehicles[system_id].connection, connection)
+            vehicles[system_id] = vehicle
+    ordered = dict(sorted(vehicles.items()))
+    for vehicle, twins in zip(
+        ordered.values(), await asyncio.gather(*(v.twins() for v in ordered.values())), strict=True
+    ):
+        if twins:
+            raise same_id_error(vehicle.system_id, vehicle.connection, vehicle.connection)
+    return ordered
 
 
 def same_id_error(system_id: int, first: Connection, second: Connection) -> VehicleError:

@@ -24,6 +24,7 @@ from mrmission.vehicle.links import (
     GCS_SYSTEM_ID,
     FleetLinks,
     LinkTimeouts,
+    distinct,
     os_reason,
     same_id_error,
 )
@@ -100,8 +101,9 @@ async def open_links(
     ]
     try:
         await _discover(opened, expected=expected, timeouts=timeouts, patient=patient)
+        _refuse_twins(opened)
         yield FleetLinks(
-            vehicles=await _unique(opened),
+            vehicles=await distinct((link.connection, link.found) for link in opened),
             silent={link.connection.url: link.reason for link in opened if not link.found},
         )
     finally:
@@ -262,32 +264,20 @@ async def _collect(link: _Open, links: Sequence[_Open], timeouts: LinkTimeouts) 
         group.found[system_id] = home.found[system_id] = vehicle
 
 
-async def _unique(opened: Sequence[_Open]) -> dict[int, Vehicle]:
-    """Return all vehicles by system id.
+def _refuse_twins(opened: Sequence[_Open]) -> None:
+    """Refuse two vehicles with one system id on two links, which one object takes for one vehicle.
 
     Raises
     ------
     VehicleError
-        When two have the same.
+        When two speak with the same.
     """
-    vehicles: dict[int, Vehicle] = {}
     speakers: dict[int, Connection] = {}
     for link in opened:
         for system_id in link.heard:
             if system_id in speakers:
                 raise same_id_error(system_id, speakers[system_id], link.connection)
             speakers[system_id] = link.connection
-        for system_id, vehicle in link.found.items():
-            if system_id in vehicles:
-                raise same_id_error(system_id, vehicles[system_id].connection, link.connection)
-            vehicles[system_id] = vehicle
-    ordered = dict(sorted(vehicles.items()))
-    for vehicle, twins in zip(
-        ordered.values(), await asyncio.gather(*(v.twins() for v in ordered.values())), strict=True
-    ):
-        if twins:
-            raise same_id_error(vehicle.system_id, vehicle.connection, vehicle.connection)
-    return ordered
 
 
 _quieted = False

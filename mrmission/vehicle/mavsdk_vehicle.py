@@ -11,17 +11,14 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
-from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
 from mrmission.errors import LinkTimeoutError
-from mrmission.options import VehicleLimits
 from mrmission.vehicle.connection import Connection
+from mrmission.vehicle.heard import Heard
 from mrmission.vehicle.items import MissionType, RawItem
 from mrmission.vehicle.links import (
-    ARMED_FLAG,
     AUTOPILOT_COMPONENT_ID,
     GCS_COMPONENT_ID,
     GCS_SYSTEM_ID,
@@ -32,8 +29,6 @@ from mrmission.vehicle.links import (
     LinkTimeouts,
     TransferError,
     items_supported,
-    mode_name,
-    sd_limits,
 )
 
 MISSION_ACCEPTED = 0
@@ -47,18 +42,7 @@ _LISTENED = (
 )  # fmt: skip
 
 
-@dataclass(slots=True)
-class _State:
-    """What the last messages of a vehicle said; written by the event loop only."""
-
-    armed: bool | None = None
-    mode: str = ""
-    autopilot: int = 0
-    heard_s: float = 0.0
-    texts: deque[str] = field(default_factory=lambda: deque(maxlen=20))
-
-
-class Vehicle:
+class Vehicle(Heard):
     """One autopilot behind a link: its state and its three stores (mission, fence, rally points).
 
     Nothing here arms, disarms, or changes a mode.
@@ -68,11 +52,7 @@ class Vehicle:
         from mavsdk.plugins.mavlink_direct import MavlinkDirect
         from mavsdk.plugins.mission_raw import MissionRaw
 
-        self.system_id = system_id
-        self.connection = connection
-        self._timeouts = t
-        self._loop = asyncio.get_running_loop()
-        self._state = _State(heard_s=self._loop.time())
+        super().__init__(system_id, connection, t)
         self._queues: dict[str, set[asyncio.Queue[dict[str, Any]]]] = {}
         self._direct = MavlinkDirect(system._system)
         # A fence or rally transfer overwrites the mission total of its MissionRaw object, so the
@@ -81,9 +61,6 @@ class Vehicle:
         self._raw_other = MissionRaw(system._system)
         for name in _LISTENED:
             self._direct.subscribe_message(name, self._receive)
-
-    def __repr__(self) -> str:
-        return f"Vehicle(system_id={self.system_id}, link={self.connection.url!r})"
 
     # --- messages --------------------------------------------------------------------------------
 
@@ -103,14 +80,13 @@ class Vehicle:
         if system_id != self.system_id or component_id != AUTOPILOT_COMPONENT_ID:
             return
         fields = json.loads(fields_json)
-        self._state.heard_s = self._loop.time()
+        self._heard_s = self._loop.time()
         if name == "HEARTBEAT":
-            self._state.armed = bool(int(fields["base_mode"]) & ARMED_FLAG)
-            mode = int(fields["custom_mode"])
-            self._state.autopilot = int(fields["autopilot"])
-            self._state.mode = mode_name(int(fields["type"]), mode)
+            self._take_heartbeat(
+                *(int(fields[key]) for key in ("base_mode", "custom_mode", "type", "autopilot"))
+            )
         elif name == "STATUSTEXT":
-            self._state.texts.append(str(fields["text"]).rstrip("\0"))
+            self._texts.append(str(fields["text"]).rstrip("\0"))
         elif name.startswith("MISSION_") and not _meant_for_us(fields):
             return
         for queue in self._queues.get(name, ()):
@@ -140,7 +116,7 @@ class Vehicle:
         try:
             self._direct.send_message(message)
         except MavsdkError as error:
-            raise LinkTimeoutError(f"{self._where()}: {name} could not be sent: {error}") from error
+            raise LinkTimeoutError(f"{self.where()}: {name} could not be sent: {error}") from error
 
     async def _reply(
         self,
@@ -158,50 +134,6 @@ class Vehicle:
                 return fields
         return None
 
-    def _where(self) -> str:
-        return f"vehicle {self.system_id} on {self.connection.url}"
-
-    # --- state -----------------------------------------------------------------------------------
-
-    @property
-    def armed(self) -> bool:
-        """Whether the last heartbeat said armed; a vehicle not heard yet counts as armed."""
-        return self._state.armed is not False
-
-    @property
-    def mode(self) -> str:
-        """Name of the mode in the last heartbeat."""
-        return self._state.mode or "unknown mode"
-
-    @property
-    def silent(self) -> bool:
-        """Whether nothing was heard for longer than a link may drop heartbeats."""
-        return self._loop.time() - self._state.heard_s > self._timeouts.silence_s
-
-    def status_texts(self) -> tuple[str, ...]:
-        """Return the last status texts, oldest first."""
-        return tuple(self._state.texts)
-
-    def forget_status_texts(self) -> None:
-        """Drop the status texts seen so far, before an operation whose texts are wanted."""
-        self._state.texts.clear()
-
-    async def wait_heartbeat(self) -> None:
-        """Wait until the vehicle has said whether it is armed.
-
-        Raises
-        ------
-        LinkTimeoutError
-            When no heartbeat comes.
-        """
-        deadline = self._loop.time() + self._timeouts.discovery_s
-        while self._state.armed is None:
-            if self._loop.time() > deadline:
-                raise LinkTimeoutError(
-                    f"{self._where()}: no heartbeat in {self._timeouts.discovery_s:g} s"
-                )
-            await asyncio.sleep(_POLL_S)
-
     async def stored_count(self, mission_type: MissionType) -> int:
         """Return how many items a store holds, home included.
 
@@ -218,7 +150,7 @@ class Vehicle:
                 )
                 if reply is not None:
                     return int(reply["count"])
-        raise LinkTimeoutError(f"{self._where()}: does not say what its {mission_type.label} holds")
+        raise LinkTimeoutError(f"{self.where()}: does not say what its {mission_type.label} holds")
 
     async def twins(self) -> bool:
         """Return whether two vehicles answer to this system id on this one link.
@@ -252,7 +184,7 @@ class Vehicle:
 
         See the own client's.
         """
-        if self._state.autopilot != ARDUPILOT:
+        if self.autopilot != ARDUPILOT:
             return None
         with self._listen("MISSION_ACK") as queue:
             for _ in range(ROOM_TRIES):
@@ -264,7 +196,7 @@ class Vehicle:
                 if reply is not None and int(reply["type"]) != NO_SPACE:
                     return None
                 deadline_s = self._loop.time() + (ROOM_TEXT_S if reply is not None else 0.0)
-                while (found := items_supported(self._state.texts)) is None:
+                while (found := items_supported(self._texts)) is None:
                     if self._loop.time() >= deadline_s:
                         break
                     await asyncio.sleep(_POLL_S)
@@ -286,13 +218,6 @@ class Vehicle:
                     lat, lon = int(reply["lat"]), int(reply["lon"])
                     return (lon * 1e-7, lat * 1e-7) if lat or lon else None
         return None
-
-    async def limits(self, default: VehicleLimits) -> VehicleLimits:
-        """Return what the vehicle can hold: `default`, or more where it stores on an SD card."""
-        mission_kib, fence_kib = await asyncio.gather(
-            self.parameter("BRD_SD_MISSION"), self.parameter("BRD_SD_FENCE")
-        )
-        return sd_limits(default, mission_kib=mission_kib or 0.0, fence_kib=fence_kib or 0.0)
 
     # --- stores ----------------------------------------------------------------------------------
 
@@ -377,11 +302,11 @@ class Vehicle:
                 if int(reply["type"]) == MISSION_ACCEPTED:
                     return
                 raise TransferError(
-                    f"{self._where()}: refuses to clear its {mission_type.label} "
+                    f"{self.where()}: refuses to clear its {mission_type.label} "
                     f"(MAV_MISSION_RESULT {reply['type']})",
                     result="DENIED",
                 )
-        raise LinkTimeoutError(f"{self._where()}: no answer to clearing its {mission_type.label}")
+        raise LinkTimeoutError(f"{self.where()}: no answer to clearing its {mission_type.label}")
 
     async def _transfer(
         self,
@@ -416,7 +341,7 @@ class Vehicle:
     def _check(self, result: str, what: str) -> None:
         if result == "SUCCESS":
             return
-        raise TransferError(f"{self._where()}: {what} failed: {result}", result=result)
+        raise TransferError(f"{self.where()}: {what} failed: {result}", result=result)
 
 
 def _meant_for_us(fields: dict[str, Any]) -> bool:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from types import ModuleType
 from typing import Any
@@ -22,16 +21,10 @@ from mrmission.vehicle.framing import (
     mavlink,
     message_number,
 )
-from mrmission.vehicle.links import (
-    ARMED_FLAG,
-    GCS_COMPONENT_ID,
-    GCS_SYSTEM_ID,
-    LinkTimeouts,
-    mode_name,
-)
+from mrmission.vehicle.heard import Heard
+from mrmission.vehicle.links import GCS_COMPONENT_ID, GCS_SYSTEM_ID, LinkTimeouts
 from mrmission.vehicle.station import Link
 
-POLL_S = 0.02
 PARAMETERS_AT_ONCE = 8
 PARAMETER_TRIES = 4
 PARAMETER_REPLY_S = 0.4
@@ -43,7 +36,7 @@ _STATUSTEXT = mavlink.MAVLINK_MSG_ID_STATUSTEXT
 MessageQueue = asyncio.Queue[Message]
 
 
-class Autopilot:
+class Autopilot(Heard):
     """One autopilot behind a link: what it says, what it is told, its parameters.
 
     Parameters
@@ -64,30 +57,13 @@ class Autopilot:
     def __init__(
         self, link: Link, system_id: int, connection: Connection, timeouts: LinkTimeouts
     ) -> None:
+        super().__init__(system_id, connection, timeouts)
         self.link = link
-        self.system_id = system_id
-        self.connection = connection
-        self._timeouts = timeouts
-        self._loop = asyncio.get_running_loop()
         self._queues: dict[int, set[MessageQueue]] = {}
         self._latest: dict[int, tuple[float, Frame | Message]] = {}
-        self._texts: deque[str] = deque(maxlen=20)
         self._long_text: tuple[int, int, str] = (0, 0, "")
-        self._armed: bool | None = None
-        self._mode = ""
-        self._type = 0
-        self.autopilot = 0
-        """MAV_AUTOPILOT of the last heartbeat."""
-        self._heard_s = self._loop.time()
         self.rival: int | None = None
         """System id of another ground station to which this vehicle last spoke of a transfer."""
-
-    def __repr__(self) -> str:
-        return f"Vehicle(system_id={self.system_id}, link={self.connection.url!r})"
-
-    def where(self) -> str:
-        """Return what messages call this vehicle."""
-        return f"vehicle {self.system_id} on {self.connection.url}"
 
     # --- messages --------------------------------------------------------------------------------
 
@@ -104,10 +80,9 @@ class Autopilot:
         if message is None:
             return
         if number == _HEARTBEAT:
-            self._armed = bool(message.base_mode & ARMED_FLAG)
-            self._type = int(message.type)
-            self.autopilot = int(message.autopilot)
-            self._mode = mode_name(self._type, int(message.custom_mode))
+            self._take_heartbeat(
+                message.base_mode, message.custom_mode, message.type, message.autopilot
+            )
         elif number == _STATUSTEXT:
             self._take_text(message)
         if not self._for_us(message):
@@ -283,26 +258,6 @@ class Autopilot:
     # --- state -----------------------------------------------------------------------------------
 
     @property
-    def armed(self) -> bool:
-        """Whether the last heartbeat said armed; a vehicle not heard yet counts as armed."""
-        return self._armed is not False
-
-    @property
-    def mode(self) -> str:
-        """Name of the mode in the last heartbeat."""
-        return self._mode or "unknown mode"
-
-    @property
-    def vehicle_type(self) -> int:
-        """MAV_TYPE of the last heartbeat."""
-        return self._type
-
-    @property
-    def silent(self) -> bool:
-        """Whether nothing was heard for longer than a link may drop heartbeats."""
-        return self._loop.time() - self._heard_s > self._timeouts.silence_s
-
-    @property
     def gps_fix(self) -> int:
         """GPS_FIX_TYPE of the last GPS_RAW_INT: 3 and more is a position; 0 before one came."""
         message = self.latest("GPS_RAW_INT")
@@ -314,30 +269,6 @@ class Autopilot:
         if message is None or (message.lat == 0 and message.lon == 0):
             return None
         return message.lon * 1e-7, message.lat * 1e-7
-
-    def status_texts(self) -> tuple[str, ...]:
-        """Return the last status texts, oldest first."""
-        return tuple(self._texts)
-
-    def forget_status_texts(self) -> None:
-        """Drop the status texts seen so far, before an operation whose texts are wanted."""
-        self._texts.clear()
-
-    async def wait_heartbeat(self) -> None:
-        """Wait until the vehicle has said whether it is armed.
-
-        Raises
-        ------
-        LinkTimeoutError
-            When no heartbeat comes.
-        """
-        deadline_s = self._loop.time() + self._timeouts.discovery_s
-        while self._armed is None:
-            if self._loop.time() > deadline_s:
-                raise LinkTimeoutError(
-                    f"{self.where()}: no heartbeat in {self._timeouts.discovery_s:g} s"
-                )
-            await asyncio.sleep(POLL_S)
 
     async def autopilot_version(self) -> Message:
         """Return AUTOPILOT_VERSION.

@@ -379,7 +379,7 @@ class Clear:
 
     def __init__(self, mission_type: MissionType, round_trip: RoundTrip) -> None:
         self._w = Waiting(round_trip)
-        self._most = 1 if mission_type is MissionType.MISSION else 0
+        self._most = mission_type.empty_count
         self._acknowledged = False
         self._denied = False
 

@@ -10,13 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from mrmission.errors import MrMissionError, ReadbackMismatchError
+from mrmission.mission import mavlink
 from mrmission.mission.files import write_whole
-from mrmission.mission.mavlink import degrees
 from mrmission.mission.qgc_plan import plan_text
 from mrmission.model import Mission
 from mrmission.vehicle.items import (
-    NAV_FENCE_POLYGON_VERTEX_EXCLUSION,
-    NAV_FENCE_POLYGON_VERTEX_INCLUSION,
     MissionType,
     RawItem,
     fence_from_raw,
@@ -34,10 +32,9 @@ ORDER = (MissionType.FENCE, MissionType.RALLY, MissionType.MISSION)
 """The order of sending: the mission last."""
 FOLDER = "saved"
 
-_FENCE_RETURN_POINT = 5000
-_CIRCLES = {5003: True, 5004: False}
-"""MAV_CMD of a fence circle: whether it is an inclusion."""
-_POLYGONS = (NAV_FENCE_POLYGON_VERTEX_INCLUSION, NAV_FENCE_POLYGON_VERTEX_EXCLUSION)
+_CIRCLES = {mavlink.FENCE_INCLUSION_CIRCLE: True, mavlink.FENCE_EXCLUSION_CIRCLE: False}
+"""Fence circles: whether it is an inclusion."""
+_POLYGONS = (mavlink.FENCE_INCLUSION_VERTEX, mavlink.FENCE_EXCLUSION_VERTEX)
 
 
 def is_empty(contents: Contents) -> bool:
@@ -54,7 +51,7 @@ async def read_store(vehicle: StoreVehicle, kind: MissionType, tries: Tries) -> 
         When it cannot be read.
     """
     count = await tries.run(partial(vehicle.stored_count, kind))
-    if count <= (1 if kind is MissionType.MISSION else 0):
+    if count <= kind.empty_count:
         return ()
     return await tries.run(partial(_whole, vehicle, kind, count))
 
@@ -166,7 +163,7 @@ def contents_plan_text(contents: Contents, vehicle: str) -> str:
     document: dict[str, Any] = json.loads(plan_text(mission, home))
     geofence = document["geoFence"]
     for item in fence:
-        place = [degrees(item.x), degrees(item.y)]
+        place = [mavlink.degrees(item.x), mavlink.degrees(item.y)]
         if item.command in _CIRCLES:
             geofence["circles"].append(
                 {
@@ -175,7 +172,7 @@ def contents_plan_text(contents: Contents, vehicle: str) -> str:
                     "version": 1,
                 }
             )
-        elif item.command == _FENCE_RETURN_POINT:
+        elif item.command == mavlink.FENCE_RETURN_POINT:
             geofence["breachReturn"] = [*place, item.z]
         elif item.command not in _POLYGONS:
             raise ValueError(f"fence item {item.seq}: command {item.command}")
