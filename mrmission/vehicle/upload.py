@@ -21,7 +21,8 @@ The parts: `assign` (who gets what), `capacity` (does it fit), `job` (one vehicl
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Mapping, Sequence
+import contextlib
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from mrmission.errors import VehicleError
@@ -125,16 +126,7 @@ async def upload_fleet(
     """
     timeouts = timeouts or UploadTimeouts()
     first = first_sorties(missions)
-    links = parse_connections(connections) or default_connections(len(first))
-    async with open_links(
-        links,
-        expected=len(first),
-        timeouts=timeouts.link,
-        patient=bool(connections),
-        client=client,
-        signing=signing,
-    ) as fleet:
-        _somebody(links, fleet, named=bool(connections))
+    async with _answering(len(first), connections, timeouts, client, signing) as fleet:
         given = assign([m.robot for m in first], list(fleet.vehicles), assignment)
         known = await _limits_by_robot(first, given, fleet.vehicles, caps or Caps())
         if on_limits is not None:
@@ -192,6 +184,19 @@ async def ask_limits_of_fleet(
         When nothing answers at all, or two vehicles have one system id.
     """
     timeouts = timeouts or UploadTimeouts()
+    async with _answering(count, connections, timeouts, client, signing) as fleet:
+        return await ask_fleet(list(fleet.vehicles.values()))
+
+
+@contextlib.asynccontextmanager
+async def _answering(
+    count: int,
+    connections: Sequence[str],
+    timeouts: UploadTimeouts,
+    client: str,
+    signing: Signing | None,
+) -> AsyncIterator[FleetLinks[StoreVehicle]]:
+    """Open the links to `count` vehicles; refuse to go on with nobody."""
     links = parse_connections(connections) or default_connections(count)
     async with open_links(
         links,
@@ -202,7 +207,7 @@ async def ask_limits_of_fleet(
         signing=signing,
     ) as fleet:
         _somebody(links, fleet, named=bool(connections))
-        return await ask_fleet(list(fleet.vehicles.values()))
+        yield fleet
 
 
 async def _limits_by_robot(
