@@ -1,0 +1,118 @@
+"""The reach bound: work far from the start costs the way there and back, for any plan whatever.
+
+Proof. Let D(p) be the length of the shortest way from the nearest home to a point p, along which D
+grows no faster than the way's length. A tour that begins and ends at a home and gets to D >= r
+spends at least 2r below r, so at most L - 2r at or beyond it, L being its length. That part of it
+consists of pieces that begin and end at D = r. The parallel body of a piece of length l at swath/2
+has an area of at most l·swath + π·swath²/4, and the whole disc of π·swath²/4 about its first point
+is in it. Let R(x) be the least D of all points from which x is covered, those within swath/2 of x
+in the region. For every x of that disc R(x) <= r. So a piece covers at most l·swath of what has
+R(x) > r, the tour at most (L - 2r)·swath, and k tours no longer than L, with A(r) the area where
+R(x) > r, need k·(L - 2r)·swath >= A(r): the bound is the largest 2r + A(r)/(k·swath) over r. ∎
+
+R is not computed but bounded from below: let D be taken in the region widened by swath/2 (and a
+little). From x straight to any p that covers it is in there, so R(x) >= D(x) - swath/2; and ways in
+a larger water are not longer. The same argument bounds D over a cell of a grid by D at its middle.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import shapely
+
+from mrmission.model import FloatArray
+from mrmission.routing.water import WaterRouter
+
+CELLS = 2000
+"""Cells of the grid, about; each loses half its diagonal."""
+MAX_SOURCES = 6
+_QUAD_SEGS = 4
+_CIRCUMSCRIBED = 1.0 / math.cos(math.pi / (4 * _QUAD_SEGS))
+"""By how much a buffer of chords must be wider to hold the round one."""
+
+
+def reach_bound_m(
+    region_m: shapely.Polygon,
+    homes_m: FloatArray,
+    swath_m: float,
+    robots: int,
+    missed_m2: float = 0.0,
+) -> float:
+    """Return a length that the longest of `robots` tours has at least, metres.
+
+    Parameters
+    ----------
+    region_m
+        What is swept, and where boats go.
+    homes_m : (homes, 2) array
+        Where tours begin and end, each at one of them, in the region.
+    swath_m
+        Width of the footprint.
+    robots
+        Number of tours.
+    missed_m2
+        Area of the region that the tours may leave uncovered.
+
+    Returns
+    -------
+    float
+        See the module for the proof.
+    """
+    centre_m, area_m2, half_diagonal_m = _cells(region_m)
+    slack_m = swath_m / 4
+    # simplified within slack_m, so that widening by it holds the region again
+    widened = shapely.buffer(
+        shapely.simplify(region_m, slack_m),
+        (swath_m / 2 + half_diagonal_m + slack_m) * _CIRCUMSCRIBED,
+        quad_segs=_QUAD_SEGS,
+    )
+    source, radius_m = _sources(homes_m, max(half_diagonal_m, swath_m / 2))
+    router = WaterRouter(widened)
+    reach = router.distances(homes_m[source], centre_m).min(axis=0)
+    reach -= half_diagonal_m + swath_m / 2 + radius_m
+    return _largest(reach, area_m2, swath_m * robots, missed_m2)
+
+
+def _largest(reach_m: FloatArray, area_m2: FloatArray, width_m: float, missed_m2: float) -> float:
+    """Return max over r >= 0 of 2r + (area where reach > r - missed) / width."""
+    order = np.argsort(reach_m)[::-1]
+    beyond = np.cumsum(area_m2[order]) - missed_m2
+    # just below a cell's reach, the cell and all farther ones lie beyond
+    r = reach_m[order]
+    counts = (r > 0) & (beyond > 0)
+    if not counts.any():
+        return 0.0
+    return float(np.max(2 * r[counts] + beyond[counts] / width_m))
+
+
+def _cells(region_m: shapely.Polygon) -> tuple[FloatArray, FloatArray, float]:
+    """Return middles (n, 2) and areas (n,) of the region in square cells, and half a diagonal."""
+    x0, y0, x1, y1 = region_m.bounds
+    pitch = math.sqrt(region_m.area / CELLS)
+    # a region much thinner than its box has few cells in it, and a long one many columns
+    middles, areas = [], []
+    for i in range(math.ceil((x1 - x0) / pitch)):
+        left = x0 + i * pitch
+        column = shapely.clip_by_rect(region_m, left, y0, left + pitch, y1)
+        if column.is_empty:
+            continue
+        _, low, _, high = column.bounds
+        for j in range(math.floor((low - y0) / pitch), math.ceil((high - y0) / pitch)):
+            foot = y0 + j * pitch
+            area = shapely.clip_by_rect(column, left, foot, left + pitch, foot + pitch).area
+            if area > 0:
+                middles.append((left + pitch / 2, foot + pitch / 2))
+                areas.append(area)
+    return np.array(middles), np.array(areas), pitch * math.sqrt(0.5)
+
+
+def _sources(homes_m: FloatArray, radius_m: float) -> tuple[list[int], float]:
+    """Return homes such that every other lies near one of them, and how near at worst."""
+    chosen = [0]
+    gap = np.hypot(*(homes_m - homes_m[0]).T)
+    while gap.max() > radius_m and len(chosen) < MAX_SOURCES:
+        chosen.append(int(np.argmax(gap)))
+        gap = np.minimum(gap, np.hypot(*(homes_m - homes_m[chosen[-1]]).T))
+    return chosen, float(gap.max())
