@@ -266,7 +266,7 @@ def _lane_paths(
     sweep: Sweep, harbour: Harbour, homes_m: FloatArray, time: TimeModel, options: PlanOptions
 ) -> tuple[CoveragePath, ...]:
     """Return the paths of the lane planner."""
-    from mrmission.partition.minmax import LaneProblem, minmax
+    from mrmission.minmax.search import LaneProblem, minmax
 
     ends = sweep.frame.to_local(sweep.lane_ends_m())
     if len(ends) > MAX_MINMAX_LANES:

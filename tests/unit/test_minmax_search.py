@@ -7,7 +7,7 @@ from itertools import permutations, product
 import numpy as np
 import pytest
 
-from mrmission.partition.minmax import LaneProblem, _nearest_neighbour, _split, minmax, tour_cost
+from mrmission.minmax.search import LaneProblem, _nearest_neighbour, _split, minmax, tour_cost
 
 
 def _problem(lanes: int, robots: int, seed: int) -> LaneProblem:
