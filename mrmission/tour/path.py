@@ -1,8 +1,8 @@
-"""Oriented lanes -> coverage paths: lanes joined by transits in the water."""
+"""Oriented lines -> coverage paths: lines joined by transits in the water."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -10,36 +10,43 @@ from mrmission.model import CoveragePath, FloatArray, LegKind, read_only
 from mrmission.routing.harbour import Harbour
 
 
-def assemble_paths(harbour: Harbour, lanes_m: Sequence[FloatArray]) -> tuple[CoveragePath, ...]:
-    """Return each robot's path from its berth over its lanes, in order, and back.
+def assemble_paths(
+    harbour: Harbour, lanes_m: Sequence[FloatArray | Sequence[FloatArray]]
+) -> tuple[CoveragePath, ...]:
+    """Return each robot's path from its berth over its lines, in order, and back.
 
     Parameters
     ----------
     harbour
         In-water paths; robot ``r`` (counted from 1) lives at berth ``r - 1``.
     lanes_m
-        Per robot (n, 2, 2) oriented lanes; n may be 0.
+        Per robot its lines in the direction in which they are swept: (n, 2, 2) lanes, or a
+        sequence of (m, 2) polylines; there may be none.
     """
-    busy = [r for r, lanes in enumerate(lanes_m) if len(lanes)]
-    out_ways = harbour.home_paths(busy, np.array([lanes_m[r][0, 0] for r in busy]).reshape(-1, 2))
-    back_ways = harbour.home_paths(busy, np.array([lanes_m[r][-1, 1] for r in busy]).reshape(-1, 2))
-    starts = [lanes_m[r][:-1, 1] for r in busy]
-    stops = [lanes_m[r][1:, 0] for r in busy]
-    none = np.zeros((0, 2))
-    ways = iter(harbour.paths(np.concatenate([none, *starts]), np.concatenate([none, *stops])))
+    lines_of: list[list[FloatArray]] = [list(lines) for lines in lanes_m]
+    busy = [r for r, lines in enumerate(lines_of) if lines]
+
+    def ends(lines: Iterable[FloatArray], which: int) -> FloatArray:
+        return np.array([line[which] for line in lines], dtype=np.float64).reshape(-1, 2)
+
+    out_ways = harbour.home_paths(busy, ends((lines_of[r][0] for r in busy), 0))
+    back_ways = harbour.home_paths(busy, ends((lines_of[r][-1] for r in busy), -1))
+    starts = ends((line for r in busy for line in lines_of[r][:-1]), -1)
+    stops = ends((line for r in busy for line in lines_of[r][1:]), 0)
+    ways = iter(harbour.paths(starts, stops))
     paths: list[CoveragePath] = []
     trips = dict(zip(busy, zip(out_ways, back_ways, strict=True), strict=True))
-    for robot, lanes in enumerate(lanes_m):
+    for robot, lines in enumerate(lines_of):
         home = harbour.berths_m[robot]
         if robot not in trips:
             paths.append(make_path(robot + 1, home[None], [], []))
             continue
         out_way, back_way = trips[robot]
         pieces: list[tuple[FloatArray, LegKind, int]] = [(out_way, LegKind.TRANSIT, 0)]
-        for i, lane in enumerate(lanes):
+        for i, line in enumerate(lines):
             if i:
                 pieces.append((next(ways), LegKind.TRANSIT, 0))
-            pieces.append((lane, LegKind.SURVEY, i + 1))
+            pieces.append((line, LegKind.SURVEY, i + 1))
         pieces.append((back_way[::-1], LegKind.TRANSIT, 0))
         paths.append(join_pieces(robot + 1, pieces))
     return tuple(paths)

@@ -70,3 +70,21 @@ def test_pieces_join_where_they_meet() -> None:
     assert path.points_m.tolist() == [[0, 0], [1, 0], [1, 5], [2, 5]]
     assert path.kind.tolist() == [0, 1, 1]
     assert path.lane.tolist() == [0, 1, 1]
+
+
+def test_polylines_are_swept_corner_by_corner_like_lanes() -> None:
+    lake = shapely.box(0, 0, 200, 200)
+    harbour = Harbour(lake, np.array([[5.0, 5.0]]))
+    hook = np.array([[20.0, 20], [20, 100], [60, 120]])
+    lane = np.array([[100.0, 20], [100, 180]])
+    (path,) = assemble_paths(harbour, [[hook, lane]])
+    legs = legs_of(path)
+    assert legs[path.lane == 1].tolist() == np.stack([hook[:-1], hook[1:]], axis=1).tolist()
+    assert legs[path.lane == 2].tolist() == [lane.tolist()]
+    assert (path.points_m[[0, -1]] == [5.0, 5.0]).all()
+    # straight lanes given as polylines make the same path as an array of lanes
+    lanes = np.array([lane, lane + [20.0, 0.0]])
+    (a,) = assemble_paths(harbour, [lanes])
+    (b,) = assemble_paths(harbour, [[lanes[0], lanes[1]]])
+    assert a.points_m.tolist() == b.points_m.tolist()
+    assert a.lane.tolist() == b.lane.tolist()
