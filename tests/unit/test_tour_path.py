@@ -83,7 +83,7 @@ def test_polylines_are_swept_corner_by_corner_like_lanes() -> None:
     assert legs[path.lane == 2].tolist() == [lane.tolist()]
     assert (path.points_m[[0, -1]] == [5.0, 5.0]).all()
     # straight lanes given as polylines make the same path as an array of lanes
-    lanes = np.array([lane, lane + [20.0, 0.0]])
+    lanes = np.array([lane, lane + np.array([20.0, 0.0])])
     (a,) = assemble_paths(harbour, [lanes])
     (b,) = assemble_paths(harbour, [[lanes[0], lanes[1]]])
     assert a.points_m.tolist() == b.points_m.tolist()
