@@ -28,6 +28,7 @@ from PIL import Image
 
 from mrmission.area.berths import berths
 from mrmission.area.frame import LocalFrame, project_polygons
+from mrmission.area.legs import leg_tolerance_m
 from mrmission.area.region import default_start, navigable_region, parts_by_size
 from mrmission.cli.areas import read_area
 from mrmission.decomposition.cells import cell_polygons
@@ -36,7 +37,7 @@ from mrmission.mission.check import navigation_path
 from mrmission.model import FleetPlan, FloatArray, LegKind
 from mrmission.options import METHODS, PlanOptions
 from mrmission.partition.problem import Visit
-from mrmission.pipeline import leg_tolerance_m, plan
+from mrmission.pipeline import plan
 from mrmission.report.colours import robot_colour
 from mrmission.report.figure import save_figure
 from mrmission.report.units import human_duration

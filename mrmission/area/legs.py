@@ -30,6 +30,11 @@ SAFETY = 1.05
 """On the length of a piece: the latitude, and with it the curvature, changes along the leg."""
 
 
+def leg_tolerance_m(swath_m: float) -> float:
+    """Return how far a leg may depart between any two readings of a straight line, m."""
+    return min(0.1, max(0.01, 0.002 * swath_m))
+
+
 def subdivide_legs(
     points_m: FloatArray, frame: LocalFrame, tolerance_m: float = 0.1
 ) -> tuple[FloatArray, IntArray]:

@@ -1,0 +1,82 @@
+"""Paths -> routes: complete, turned as the vehicle turns, in exported and rounded coordinates."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import shapely
+
+from mrmission.area.frame import LocalFrame
+from mrmission.area.legs import leg_tolerance_m
+from mrmission.errors import PlanningError
+from mrmission.mission.build import Route, export_route
+from mrmission.model import CoveragePath
+from mrmission.options import PlanOptions
+from mrmission.tour.coverage import Uncovered
+from mrmission.tour.repair import fleet_legs, number_lanes, pieces_to_repair, repair, total_area
+from mrmission.tour.turnaround import with_turnarounds
+from mrmission.tour.work import PartPlan
+
+MAX_EXPORT_ROUNDS = 6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Coverage:
+    """What the routes of a part cover, m², measured on exported coordinates."""
+
+    covered_m2: float
+    covered_by_survey_m2: float
+    largest_missed_m2: float
+
+
+def export_part(part: PartPlan, frame: LocalFrame) -> tuple[list[Route], Coverage]:
+    """Return the routes in exported, rounded coordinates, complete as measured on these.
+
+    Raises
+    ------
+    PlanningError
+        When something stays uncovered.
+    """
+    work, options = part.work, part.work.options
+    tolerance = leg_tolerance_m(options.swath_m)
+    turn = work.sweep.frame
+    paths = part.tours.paths
+    alone = options.lanes_alone_count
+    # a copter may turn over the shore, a boat turns where there is water
+    limits = None if options.vehicle == "copter" else work.region_m
+    for _ in range(MAX_EXPORT_ROUNDS):
+        paths = repair(paths, work.uncovered, turn, work.harbour, work.time, options.swath_m, alone)
+        turned = [with_turnarounds(p, options.turnaround_m, limits) for p in paths]
+        routes = [export_route(number_lanes(p), frame, tolerance) for p in turned]
+        legs = fleet_legs([r.path for r in routes], turn, lanes_alone=alone)
+        pieces = work.uncovered.remainder(legs)
+        if not pieces_to_repair(pieces, options.swath_m, work.region_m.area, final=True):
+            break
+    else:
+        worst = max(p.area for p in pieces)
+        raise PlanningError(f"{worst:.2f} m² stay uncovered: choose another --angle or --swath")
+    by_survey = work.uncovered.remainder(
+        fleet_legs([r.path for r in routes], turn, lanes_alone=True)
+    )
+    return routes, Coverage(
+        covered_m2=work.region_m.area - total_area(pieces),
+        covered_by_survey_m2=work.region_m.area - total_area(by_survey),
+        largest_missed_m2=max((p.area for p in pieces), default=0.0),
+    )
+
+
+def covered_beyond_m2(
+    water: shapely.MultiPolygon,
+    parts: Sequence[PartPlan],
+    paths: Sequence[CoveragePath],
+    options: PlanOptions,
+) -> float:
+    """Return the area, m², that is covered outside the planned regions: the clearance strip."""
+    rest = shapely.difference(water, shapely.union_all([p.work.region_m for p in parts]))
+    if rest.area < 1e-6 * water.area:
+        return 0.0
+    sweep = parts[0].work.sweep
+    uncovered = Uncovered(sweep.frame.turn(rest), sweep.column_pitch_m, options.swath_m / 2)
+    legs = fleet_legs(paths, sweep.frame, lanes_alone=options.lanes_alone_count)
+    return float(rest.area) - total_area(uncovered.remainder(legs))

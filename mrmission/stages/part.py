@@ -1,0 +1,116 @@
+"""One connected part of the water: berths, bearing, lines to sweep, and who plans its tours."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+import shapely
+
+from mrmission.area.berths import berths
+from mrmission.area.legs import leg_tolerance_m
+from mrmission.minmax.planner import lane_tours
+from mrmission.mission.build import LAUNCH_RADIUS_M
+from mrmission.model import FloatArray
+from mrmission.options import PlanOptions
+from mrmission.routing.harbour import Harbour
+from mrmission.stages.cells import cell_tours
+from mrmission.tour.coverage import Uncovered
+from mrmission.tour.sweep import Sweep, best_bearing_deg, lane_spacing_m, sweep_region
+from mrmission.tour.timing import TimeModel
+from mrmission.tour.work import PartPlan, PartTours, PartWork
+
+PLANNERS: Mapping[str, Callable[[PartWork], PartTours]] = {"minmax": lane_tours}
+"""Planners by method; the methods that are not here share out whole cells."""
+
+
+def plan_part(
+    part: shapely.Polygon,
+    water: shapely.MultiPolygon,
+    starts_m: FloatArray,
+    robots: tuple[int, ...],
+    options: PlanOptions,
+    times: tuple[TimeModel, ...],
+    notes: list[str],
+) -> PartPlan:
+    """Plan one connected part of the water.
+
+    Parameters
+    ----------
+    part
+        The part of the navigable region.
+    water
+        The whole survey area, local frame.
+    starts_m
+        (n, 2) one start for all, or one for each.
+    robots
+        Numbers of the part's robots.
+    options
+        What the user asked for.
+    times
+        How long each robot of the whole fleet takes, robot 1 first.
+    notes
+        What there is to say is appended.
+    """
+    spacing = lane_spacing_m(options.swath_m, options.overlap, leg_tolerance_m(options.swath_m))
+    homes = _homes(part, water, starts_m, robots, options, spacing, notes)
+    own_times = tuple(times[r - 1] for r in robots)
+    sweep = sweep_region(part, _bearing_deg(part, spacing, options, own_times[0]), spacing)
+    work = PartWork(
+        region_m=part,
+        robots=robots,
+        homes_m=homes,
+        sweep=sweep,
+        lines_m=lines_to_sweep(sweep),
+        harbour=Harbour(part, homes),
+        uncovered=Uncovered(sweep.region, sweep.column_pitch_m, options.swath_m / 2),
+        times=own_times,
+        options=options,
+    )
+    return PartPlan(work=work, tours=PLANNERS.get(options.method, cell_tours)(work))
+
+
+def lines_to_sweep(sweep: Sweep) -> FloatArray:
+    """Return (n, 2, 2) ends of all lines that a part is to be swept along, local frame."""
+    return sweep.frame.to_local(sweep.lane_ends_m())
+
+
+def _bearing_deg(
+    part: shapely.Polygon, spacing: float, options: PlanOptions, time: TimeModel
+) -> float:
+    """Return the bearing of the lanes, 0 to 180 degrees."""
+    bearing = options.angle_deg
+    if bearing is None:
+        bearing = best_bearing_deg(
+            part, spacing, options.survey_speed_m_s, time.lane_turn_s(spacing)
+        )
+    return bearing % 180.0
+
+
+def _homes(
+    part: shapely.Polygon,
+    water: shapely.MultiPolygon,
+    starts_m: FloatArray,
+    robots: tuple[int, ...],
+    options: PlanOptions,
+    spacing: float,
+    notes: list[str],
+) -> FloatArray:
+    """Return (robots, 2) where each robot starts: at its own start, or side by side at one."""
+    # A robot's own start is where it starts, also where it is the only one of its part.
+    if len(starts_m) == 1 and len(options.starts_lonlat) != options.robots:
+        found = berths(
+            water, part, starts_m[0], len(robots),
+            spacing_m=options.berth_spacing_m, launch_radius_m=LAUNCH_RADIUS_M,
+        )  # fmt: skip
+        notes.extend(found.notes)
+        return found.points_m
+    gap = np.hypot(*(starts_m[:, None] - starts_m[None]).transpose(2, 0, 1))
+    near = np.argwhere(np.triu(gap < options.berth_spacing_m, 1))
+    if len(near):
+        i, j = near[0]
+        notes.append(
+            f"the starts of robots {robots[i]} and {robots[j]} are {gap[i, j]:.1f} m apart, "
+            f"less than {options.berth_spacing_m:g} m: launch one after the other"
+        )
+    return starts_m

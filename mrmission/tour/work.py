@@ -1,0 +1,81 @@
+"""What the planner of one connected part of the water is given, and what it gives back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import shapely
+
+from mrmission.model import CoveragePath, FloatArray
+from mrmission.options import PlanOptions
+from mrmission.routing.harbour import Harbour
+from mrmission.tour.coverage import Uncovered
+from mrmission.tour.sweep import Sweep
+from mrmission.tour.timing import TimeModel
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PartWork:
+    """One connected part of the water, and who sweeps it.
+
+    Attributes
+    ----------
+    region_m
+        The part of the navigable region, local frame.
+    robots
+        Numbers of its robots, from 1.
+    homes_m
+        (robots, 2) where each starts and ends.
+    sweep
+        The part cut into lanes and cells under one bearing.
+    lines_m
+        (n, 2, 2) ends of the lines to sweep, local frame: the lanes of the sweep first, in their
+        order.
+    harbour
+        Ways in the water; berth ``i`` is that of ``robots[i]``.
+    uncovered
+        What finds the rest that a set of legs leaves.
+    times
+        How long each of the robots takes.
+    options
+        What the user asked for.
+    """
+
+    region_m: shapely.Polygon
+    robots: tuple[int, ...]
+    homes_m: FloatArray
+    sweep: Sweep
+    lines_m: FloatArray
+    harbour: Harbour
+    uncovered: Uncovered
+    times: tuple[TimeModel, ...]
+    options: PlanOptions
+
+    @property
+    def time(self) -> TimeModel:
+        """Return how long the first robot takes, for stages that take all for alike."""
+        return self.times[0]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PartTours:
+    """What a planner makes of a part.
+
+    Attributes
+    ----------
+    method
+        Name of the method that made it.
+    paths
+        Per robot its way from home to home; numbered from 1 within the part.
+    """
+
+    method: str
+    paths: tuple[CoveragePath, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PartPlan:
+    """A part and its tours."""
+
+    work: PartWork
+    tours: PartTours
