@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from mrmission.errors import InfeasibleError
+from mrmission.tour.lines import lengths_m
 from mrmission.tour.path import assemble_paths
 from mrmission.tour.work import PartTours, PartWork
 
@@ -24,15 +23,12 @@ def lane_tours(work: PartWork) -> PartTours:
     flat = ends.reshape(-1, 2)
     tours = minmax(
         LaneProblem(
-            lane_cost=np.hypot(*(ends[:, 1] - ends[:, 0]).T) / time.survey_speed_m_s,
+            lane_cost=lengths_m(work.lines) / time.survey_speed_m_s,
             end_cost=work.harbour.distance_matrix(flat) / time.transit_speed_m_s,
             home_cost=work.harbour.distances(work.homes_m, flat) / time.transit_speed_m_s,
         ),
         work.options.time_budget_s,
         work.options.seed,
     )
-    lanes = []
-    for entries in tours.entries:
-        way = ends[entries >> 1]
-        lanes.append(np.where((entries & 1 == 1)[:, None, None], way[:, ::-1], way))
-    return PartTours(method="minmax", paths=assemble_paths(work.harbour, lanes))
+    ways = [[work.lines[e >> 1].way(e) for e in entries.tolist()] for entries in tours.entries]
+    return PartTours(method="minmax", paths=assemble_paths(work.harbour, ways))

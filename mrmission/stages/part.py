@@ -16,6 +16,7 @@ from mrmission.options import PlanOptions
 from mrmission.routing.harbour import Harbour
 from mrmission.stages.cells import cell_tours
 from mrmission.tour.coverage import Uncovered
+from mrmission.tour.lines import SurveyLine, lane_lines
 from mrmission.tour.sweep import Sweep, best_bearing_deg, lane_spacing_m, sweep_region
 from mrmission.tour.timing import TimeModel
 from mrmission.tour.work import PartPlan, PartTours, PartWork
@@ -61,7 +62,7 @@ def plan_part(
         robots=robots,
         homes_m=homes,
         sweep=sweep,
-        lines_m=lines_to_sweep(sweep),
+        lines=lines_to_sweep(sweep),
         harbour=Harbour(part, homes),
         uncovered=Uncovered(sweep.region, sweep.column_pitch_m, options.swath_m / 2),
         times=own_times,
@@ -70,9 +71,9 @@ def plan_part(
     return PartPlan(work=work, tours=PLANNERS.get(options.method, cell_tours)(work))
 
 
-def lines_to_sweep(sweep: Sweep) -> FloatArray:
-    """Return (n, 2, 2) ends of all lines that a part is to be swept along, local frame."""
-    return sweep.frame.to_local(sweep.lane_ends_m())
+def lines_to_sweep(sweep: Sweep) -> tuple[SurveyLine, ...]:
+    """Return all lines that a part is to be swept along, local frame."""
+    return lane_lines(sweep)
 
 
 def _bearing_deg(

@@ -10,7 +10,8 @@ import numpy as np
 import shapely
 
 from mrmission.errors import PlanningError
-from mrmission.model import FloatArray, read_only
+from mrmission.model import FloatArray, IntArray, read_only
+from mrmission.tour.sweep import Sweep
 
 
 class LineKind(enum.StrEnum):
@@ -80,6 +81,31 @@ class SurveyLine:
         return self.points_m[::-1] if entry & 1 else self.points_m
 
 
+def between(line: SurveyLine, from_m: float, to_m: float) -> SurveyLine:
+    """Return the piece of a line between two distances along it, of the same kind and name.
+
+    Parameters
+    ----------
+    line
+        The line.
+    from_m, to_m
+        Distances from its first end, 0 <= from_m < to_m <= its length; the ends stay exact.
+    """
+    points = line.points_m
+    at = np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
+
+    def place(distance_m: float) -> FloatArray:
+        if distance_m <= 0.0:
+            return points[0]
+        if distance_m >= at[-1]:
+            return points[-1]
+        return np.array([np.interp(distance_m, at, points[:, axis]) for axis in (0, 1)])
+
+    inner = points[(at > from_m) & (at < to_m)]
+    way = np.vstack([place(from_m), inner, place(to_m)])
+    return SurveyLine(points_m=way, kind=line.kind, name=line.name)
+
+
 def ends_of(lines: Sequence[SurveyLine]) -> FloatArray:
     """Return (lines, 2, 2) ends; ends ``2i`` and ``2i + 1`` of the flat list are those of `i`."""
     if not lines:
@@ -95,3 +121,69 @@ def lengths_m(lines: Sequence[SurveyLine]) -> FloatArray:
 def geometry_of(lines: Sequence[SurveyLine]) -> list[shapely.LineString]:
     """Return the lines as geometries."""
     return [shapely.LineString(line.points_m) for line in lines]
+
+
+def lane_lines(sweep: Sweep) -> tuple[SurveyLine, ...]:
+    """Return the lanes of a sweep as named lines, in the sweep's order.
+
+    Notes
+    -----
+    Lanes of one column are one line that islands interrupt, and share its number: 17, or 17a,
+    17b, … along the bearing. Columns are numbered from 1 from west to east, and from north to
+    south where lanes run exactly east and west. So names follow from place alone: they are the
+    same for any number of robots, any seed and any planner.
+    """
+    ends = sweep.frame.to_local(sweep.lane_ends_m())
+    names = lane_names(
+        sweep.frame.bearing_deg, len(sweep.column_x_m), sweep.lane_column, sweep.lane_y_m[:, 0]
+    )
+    return tuple(
+        SurveyLine(points_m=way, kind=LineKind.LANE, name=name)
+        for way, name in zip(ends, names, strict=True)
+    )
+
+
+def lane_names(
+    bearing_deg: float, columns: int, column: IntArray, along_m: FloatArray
+) -> list[str]:
+    """Return the names of lanes from their columns and the positions of their feet.
+
+    Parameters
+    ----------
+    bearing_deg
+        Compass bearing of the lanes, 0 to 180.
+    columns
+        How many columns there are.
+    column
+        (n,) column of each lane, from 0, rising across the sweep frame.
+    along_m
+        (n,) where each lane begins along the bearing.
+    """
+    # the frame's first axis points east up to a bearing of 90, west beyond it
+    number = column + 1 if bearing_deg <= 90.0 else columns - column
+    many = np.bincount(column, minlength=columns) > 1
+    names = [""] * len(column)
+    seen: dict[int, int] = {}
+    for i in np.lexsort((along_m, column)).tolist():
+        own = int(column[i])
+        names[i] = str(int(number[i]))
+        if many[own]:
+            names[i] += letters(seen.get(own, 0))
+            seen[own] = seen.get(own, 0) + 1
+    return names
+
+
+def letters(index: int) -> str:
+    """Return a, b, … z, aa, ab, … for 0, 1, ….
+
+    Examples
+    --------
+    >>> letters(0), letters(25), letters(26), letters(27)
+    ('a', 'z', 'aa', 'ab')
+    """
+    out = ""
+    index += 1
+    while index:
+        index, rest = divmod(index - 1, 26)
+        out = chr(ord("a") + rest) + out
+    return out

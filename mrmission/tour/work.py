@@ -10,6 +10,7 @@ from mrmission.model import CoveragePath, FloatArray
 from mrmission.options import PlanOptions
 from mrmission.routing.harbour import Harbour
 from mrmission.tour.coverage import Uncovered
+from mrmission.tour.lines import SurveyLine, ends_of
 from mrmission.tour.sweep import Sweep
 from mrmission.tour.timing import TimeModel
 
@@ -28,9 +29,9 @@ class PartWork:
         (robots, 2) where each starts and ends.
     sweep
         The part cut into lanes and cells under one bearing.
-    lines_m
-        (n, 2, 2) ends of the lines to sweep, local frame: the lanes of the sweep first, in their
-        order.
+    lines
+        The lines to sweep, local frame: polylines, swept from either end. The lanes of the sweep
+        come first, in their order.
     harbour
         Ways in the water; berth ``i`` is that of ``robots[i]``.
     uncovered
@@ -45,11 +46,16 @@ class PartWork:
     robots: tuple[int, ...]
     homes_m: FloatArray
     sweep: Sweep
-    lines_m: FloatArray
+    lines: tuple[SurveyLine, ...]
     harbour: Harbour
     uncovered: Uncovered
     times: tuple[TimeModel, ...]
     options: PlanOptions
+
+    @property
+    def lines_m(self) -> FloatArray:
+        """Return (n, 2, 2) ends of the lines; what lies between them may be bent."""
+        return ends_of(self.lines)
 
     @property
     def time(self) -> TimeModel:
