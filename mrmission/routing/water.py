@@ -14,11 +14,13 @@ M. Pocchiola, G. Vegter, "The visibility complex", IJCGA 6(3), 1996 (tangent leg
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 import shapely
 
 from mrmission.errors import PlanningError
 from mrmission.model import BoolArray, FloatArray
 from mrmission.routing import visibility as kernels
+from mrmission.routing.matrix import FEW_SOURCES, few_distances, many_distances
 from mrmission.routing.shore_grid import Int, build_grid, settle_points
 
 SNAP_M = 0.05
@@ -127,16 +129,16 @@ class WaterRouter:
         sources, targets = self._settle(sources_m), self._settle(targets_m)
         # Every point costs a look at all corners, every source a search as well.
         if len(sources) <= len(targets):
-            out = kernels.many_distances(self._grid, self._graph, sources, targets, False)
+            out = self._many(sources, targets)
         else:
-            out = kernels.many_distances(self._grid, self._graph, targets, sources, False).T
+            out = self._many(targets, sources).T
         self._check_reached(out, sources, targets)
         return np.ascontiguousarray(out)
 
     def distance_matrix(self, points_m: FloatArray) -> FloatArray:
         """Return the in-water lengths between all `points_m`, (n, 2), as (n, n), symmetric."""
         points = self._settle(points_m)
-        out = kernels.many_distances(self._grid, self._graph, points, points, True)
+        out = many_distances(self._grid, self._graph, points, curve_order(points), points, True)
         self._check_reached(out, points, points)
         return out
 
@@ -189,6 +191,12 @@ class WaterRouter:
     def path(self, a_m: FloatArray, b_m: FloatArray) -> FloatArray:
         """Return the shortest path between two points, shape (m, 2), both ends included."""
         return self.paths(np.reshape(a_m, (1, 2)), np.reshape(b_m, (1, 2)))[0]
+
+    def _many(self, sources: FloatArray, targets: FloatArray) -> FloatArray:
+        if len(sources) <= FEW_SOURCES:
+            return few_distances(self._grid, self._graph, sources, targets)
+        order = curve_order(sources)
+        return many_distances(self._grid, self._graph, sources, order, targets, False)
 
     def _pairs(self, a: FloatArray, b: FloatArray) -> tuple[FloatArray, Int, Int]:
         _same_length(a, b)
@@ -243,6 +251,18 @@ def _one_polygon(region: shapely.Geometry) -> shapely.Polygon:
 
 def _points(points_m: FloatArray) -> FloatArray:
     return np.array(points_m, dtype=np.float64, order="C").reshape(-1, 2)
+
+
+def curve_order(points_m: FloatArray) -> npt.NDArray[np.int64]:
+    """Return an order in which points that follow on each other lie near each other (Morton)."""
+    if len(points_m) == 0:
+        return np.zeros(0, dtype=np.int64)
+    low = points_m.min(axis=0)
+    span = float(np.max(points_m.max(axis=0) - low)) or 1.0
+    cell = ((points_m - low) * (65_535.0 / span)).astype(np.int64)
+    for shift, mask in ((8, 0x00FF00FF), (4, 0x0F0F0F0F), (2, 0x33333333), (1, 0x55555555)):
+        cell = (cell | cell << shift) & mask
+    return np.argsort(cell[:, 0] | cell[:, 1] << 1, kind="stable").astype(np.int64)
 
 
 def _same_length(a: FloatArray, b: FloatArray) -> None:
