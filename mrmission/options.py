@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from mrmission.errors import ConfigError
+from mrmission.fleet import DEFAULT_RESERVE, MAX_RESERVE, Robot, robots_as_dicts
 from mrmission.tour.time_table import STEERINGS, TimeTable
 
 METHODS = ("crc", "cac", "fhk", "nrc", "minmax")
@@ -44,6 +45,11 @@ class VehicleLimits:
     def fence_bytes_of(self, points: int) -> int:
         """Bytes that one polygon of `points` points takes in the fence store."""
         return 8 * points + 2
+
+
+def polygon_points(fence_bytes: int) -> int:
+    """Return how many points one fence polygon may have in a store of so many bytes."""
+    return min(255, (fence_bytes - 2) // 8)
 
 
 BOARD = VehicleLimits()
@@ -89,6 +95,11 @@ class PlanOptions:
     limits: VehicleLimits = BOARD
     seed: int = 0
     time_budget_s: float = 5.0
+    fleet: tuple[Robot, ...] = ()
+    endurance_s: float | None = None
+    endurance_m: float | None = None
+    reserve: float = DEFAULT_RESERVE
+    swap_time_s: float = 0.0
 
     def __post_init__(self) -> None:
         if self.limits is BOARD:
@@ -189,6 +200,41 @@ class PlanOptions:
                 "--start", f"{lon},{lat}", "LON,LAT in degrees",
             )  # fmt: skip
 
+        for flag, least in (("--endurance", self.endurance_s), ("--endurance", self.endurance_m)):
+            check(least is None or (math.isfinite(least) and least > 0), flag, least, "above 0")
+        check(0 <= self.reserve <= MAX_RESERVE, "--reserve", self.reserve, "from 0 to 90 %")
+        check(
+            math.isfinite(self.swap_time_s) and self.swap_time_s >= 0,
+            "--swap-time", self.swap_time_s, "a finite number, 0 or more",
+        )  # fmt: skip
+        check(
+            len(self.fleet) in (0, self.robots),
+            "--k", self.robots, f"the number of robots of the fleet, {len(self.fleet)}",
+        )  # fmt: skip
+
+    def of_robot(self, robot: int) -> PlanOptions:
+        """Return the options as they are for one robot alone: its speeds, its swath, its limits.
+
+        Parameters
+        ----------
+        robot
+            Its number, from 1.
+        """
+        if not self.fleet:
+            return self
+        own = self.fleet[robot - 1]
+        shared = {f.name for f in fields(self)} & {f.name for f in fields(own)}
+        limits = self.limits
+        if own.max_items is not None:
+            limits = replace(limits, mission_items=own.max_items)
+        if own.fence_bytes is not None:
+            limits = replace(
+                limits,
+                fence_bytes=own.fence_bytes,
+                fence_polygon_points=polygon_points(own.fence_bytes),
+            )
+        return replace(self, fleet=(), limits=limits, **{n: getattr(own, n) for n in shared})
+
     @property
     def lanes_alone_count(self) -> bool:
         """Return whether only lanes sweep: a camera is off, or turns are flown outside, elsewhere.
@@ -217,6 +263,8 @@ class PlanOptions:
             value = getattr(self, item.name)
             if isinstance(value, VehicleLimits):
                 value = {f.name: getattr(value, f.name) for f in fields(value)}
+            elif item.name == "fleet":
+                value = robots_as_dicts(self.fleet)
             elif isinstance(value, TimeTable):
                 value = {"vehicle": value.vehicle, "command": value.command}
             out[item.name] = value

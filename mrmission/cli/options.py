@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -10,6 +11,14 @@ import click
 from click.core import ParameterSource
 
 from mrmission.errors import ConfigError
+from mrmission.fleet import (
+    FleetFile,
+    Robot,
+    read_endurance,
+    read_fleet,
+    read_reserve,
+    read_swap_time_s,
+)
 from mrmission.options import (
     ALTITUDES_ABOVE,
     METHODS,
@@ -17,6 +26,7 @@ from mrmission.options import (
     VEHICLES,
     PlanOptions,
     VehicleLimits,
+    polygon_points,
 )
 from mrmission.tour.time_table import STEERINGS, read_table
 
@@ -229,6 +239,38 @@ _PLAN = [
         help="Seed of every random choice.",
     ),
 ]
+_FLEET = [
+    click.option(
+        "--fleet",
+        "fleet_file",
+        type=click.Path(path_type=Path),
+        metavar="FILE",
+        help="TOML file of robots that differ; their number is --k.",
+    ),
+    click.option(
+        "--endurance",
+        metavar="TIME|LENGTH",
+        default=None,
+        help="How long (45min) or how far (12km) a robot goes before it must be home: its work is "
+        "cut into trips.",
+    ),
+    click.option(
+        "--reserve",
+        metavar="SHARE",
+        default=f"{DEFAULT.reserve:.0%}",
+        show_default=True,
+        help="Share of the endurance that is left when a robot is home.",
+    ),
+    click.option(
+        "--swap-time",
+        metavar="TIME",
+        default="0s",
+        show_default=True,
+        help="Time between two trips of a robot, 5min.",
+    ),
+]
+_TOLD = "mrmission.fleet-file"
+"""Where a command's context keeps which options the fleet file gave."""
 ASSUMPTIONS = ("swath_m", "overlap", "clearance_m", "survey_speed_m_s", "starts_lonlat", "vehicle")
 
 
@@ -241,7 +283,7 @@ def area_options(command: F) -> F:
 
 def plan_options(command: F) -> F:
     """Add the flags of a plan."""
-    for option in reversed(_PLAN):
+    for option in reversed([*_PLAN, *_FLEET]):
         command = option(command)
     return command
 
@@ -254,6 +296,9 @@ def build_options(**flags: Any) -> PlanOptions:
     ConfigError
         When a value is out of range.
     """
+    file = _with_trips(flags)
+    if file is not None:
+        return _of_fleet(file, flags)
     if flags["transit_speed_m_s"] is None:
         flags["transit_speed_m_s"] = flags["survey_speed_m_s"]
     usual = VehicleLimits.of(flags["vehicle"])
@@ -270,18 +315,100 @@ def build_options(**flags: Any) -> PlanOptions:
     flags["limits"] = VehicleLimits(
         mission_items=max_items,
         fence_bytes=fence_bytes,
-        fence_polygon_points=min(255, (fence_bytes - 2) // 8),
+        fence_polygon_points=polygon_points(fence_bytes),
         rally_points=usual.rally_points,
     )
     return PlanOptions(**flags)
+
+
+def _with_trips(flags: dict[str, Any]) -> FleetFile | None:
+    """Read the values of the flags of :data:`_FLEET`, in place; return the fleet's file."""
+
+    def read(flag: str, value: Any, reader: Callable[[object], Any]) -> Any:
+        try:
+            return reader(value)
+        except ValueError as error:
+            raise ConfigError(f"{flag} {value}: {error}") from error
+
+    endurance = flags.pop("endurance", None)
+    seconds, metres = (None, None)
+    if endurance is not None:
+        seconds, metres = read("--endurance", endurance, read_endurance)
+    flags["endurance_s"], flags["endurance_m"] = seconds, metres
+    flags["reserve"] = read("--reserve", flags.get("reserve", DEFAULT.reserve), read_reserve)
+    swap_time = flags.pop("swap_time", DEFAULT.swap_time_s)
+    flags["swap_time_s"] = read("--swap-time", swap_time, read_swap_time_s)
+    path = flags.pop("fleet_file", None)
+    return None if path is None else read_fleet(path)
+
+
+def _of_fleet(file: FleetFile, flags: dict[str, Any]) -> PlanOptions:
+    """Return the options of a fleet file and of the flags given beside it."""
+    given = {name for name in flags if _is_given(name)}
+    of_robots = {f.name for f in fields(Robot)}
+    if "vehicle" in given and file.vehicle not in (None, flags["vehicle"]):
+        raise ConfigError(
+            f"--vehicle {flags['vehicle']} and --fleet {file.path}: the file says {file.vehicle}; "
+            "leave one of the two out"
+        )
+    flags["vehicle"] = file.vehicle or flags["vehicle"]
+    usual = {n: v for n, v in flags.items() if n in of_robots and n not in given}
+    beside = {n: v for n, v in flags.items() if n in of_robots and n in given}
+    if "robots" in given:
+        beside["robots"] = flags["robots"]
+    starts = flags["starts_lonlat"]
+    if starts and any("start_lonlat" in table for table in file.tables):
+        raise ConfigError(
+            f"--start and --fleet {file.path}: robots of the file have their own start; leave one "
+            "of the two out"
+        )
+    top = dict(file.top)
+    shared_start = top.pop("start_lonlat", None)
+    if _is_given("endurance"):
+        beside.update({n: flags[n] for n in ("endurance_s", "endurance_m")})
+    usual = {n: v for n, v in usual.items() if v is not None}
+    robots = replace(file, top=top).robots(beside, usual)
+    if not starts and all(robot.start_lonlat for robot in robots):
+        starts = tuple(robot.start_lonlat for robot in robots if robot.start_lonlat)
+    elif not starts and shared_start:
+        starts = (shared_start,)
+    ctx = click.get_current_context(silent=True)
+    if ctx is not None:
+        told = set(file.top) | {name for table in file.tables for name in table}
+        ctx.meta[_TOLD] = {"starts_lonlat" if n == "start_lonlat" else n for n in told}
+    first = robots[0]
+    return build_options(
+        **{
+            **flags,
+            **{n: getattr(first, n) for n in of_robots & flags.keys()},
+            "max_items": flags["max_items"],
+            "fence_bytes": flags["fence_bytes"],
+            "robots": len(robots),
+            "swath_m": min(robot.swath_m for robot in robots),
+            "starts_lonlat": starts,
+            "endurance": None,
+            "swap_time": flags["swap_time_s"],
+            "fleet": robots,
+        }
+    )
+
+
+def _is_given(name: str) -> bool:
+    """Return whether the user gave an option of the command that runs."""
+    ctx = click.get_current_context(silent=True)
+    name = {"swap_time_s": "swap_time"}.get(name, name)
+    return ctx is not None and ctx.get_parameter_source(name) not in (
+        None, ParameterSource.DEFAULT, ParameterSource.DEFAULT_MAP,
+    )  # fmt: skip
 
 
 def assumed_options(ctx: click.Context, options: PlanOptions) -> dict[str, Any]:
     """Return what the user did not give, by name of the option, of what changes a mission."""
     values = options.as_dict()
     out = {}
+    told = ctx.meta.get(_TOLD, set())
     for name in ASSUMPTIONS:
-        if ctx.get_parameter_source(name) == ParameterSource.DEFAULT:
+        if ctx.get_parameter_source(name) == ParameterSource.DEFAULT and name not in told:
             out[name] = values[name]
     if "starts_lonlat" in out:
         out["starts_lonlat"] = "at the shore of the largest part"

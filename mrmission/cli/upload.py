@@ -22,6 +22,7 @@ from mrmission.cli.upload_plan import (
 )
 from mrmission.cli.upload_run import LinkChoice, ask_limits, run_upload
 from mrmission.errors import ConfigError
+from mrmission.fleet import Robot
 from mrmission.options import PlanOptions
 
 if TYPE_CHECKING:
@@ -172,7 +173,21 @@ def fitted(
     from mrmission.vehicle.capacity import capped, smallest
 
     least = capped(smallest(list(known.values())), caps)
-    return replace(options, limits=least.limits), f"planned for vehicles that hold {least}"
+    held = least.limits
+
+    def within(robot: Robot) -> Robot:
+        items, size = robot.max_items, robot.fence_bytes
+        return replace(
+            robot,
+            max_items=None if items is None else min(items, held.mission_items),
+            fence_bytes=None if size is None else min(size, held.fence_bytes),
+        )
+
+    fleet = tuple(within(robot) for robot in options.fleet)
+    return (
+        replace(options, limits=held, fleet=fleet),
+        f"planned for vehicles that hold {least}",
+    )
 
 
 def _unused_with_from(ctx: click.Context) -> list[str]:
