@@ -1,0 +1,1 @@
+"""The study of the paper, done again: maps, readings, tables, figures."""
