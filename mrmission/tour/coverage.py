@@ -10,6 +10,9 @@ from mrmission.model import FloatArray, IntArray
 
 QUAD_SEGS = 16
 """Segments per quarter circle of a leg's round ends: inscribed, so never too generous."""
+BESIDE_M = 0.25
+"""A leg that stays this near to a line that is not counted is a leg of that line: rounding and
+merging of waypoints move legs by less."""
 
 
 def strips_of(region: shapely.Polygon, borders_m: FloatArray) -> list[shapely.Geometry]:
@@ -89,11 +92,23 @@ class Uncovered:
         Width of the strips in which the work is cut: about the swath.
     radius_m
         Half the swath.
+    beside
+        Lines (sweep frame) that are swept without being counted: legs along them cover nothing.
     """
 
-    def __init__(self, region: shapely.Geometry, column_pitch_m: float, radius_m: float) -> None:
+    def __init__(
+        self,
+        region: shapely.Geometry,
+        column_pitch_m: float,
+        radius_m: float,
+        beside: shapely.Geometry | None = None,
+    ) -> None:
         self.region = region
         self.radius_m = radius_m
+        self._beside = None
+        if beside is not None and not beside.is_empty:
+            self._beside = shapely.buffer(beside, BESIDE_M)
+            shapely.prepare(self._beside)
         x_min, _, x_max, _ = region.bounds
         count = max(1, int(np.ceil((x_max - x_min) / column_pitch_m - 1e-9)))
         self._borders = np.linspace(x_min, x_max, count + 1)
@@ -118,6 +133,7 @@ class Uncovered:
             Pieces of a strip up to this area are not looked for further (they still are bounded
             by it); 0 finds everything.
         """
+        legs_m = self._counted(legs_m)
         pieces = self._after_quads(legs_m)
         pieces = pieces[shapely.area(pieces) > floor_m2]
         left = subtract_legs(pieces, legs_m, self.radius_m)
@@ -125,6 +141,12 @@ class Uncovered:
             return []
         merged = shapely.union_all(np.array(left, dtype=object))
         return sorted(_polygons(merged), key=lambda p: (-p.area, p.bounds))
+
+    def _counted(self, legs_m: FloatArray) -> FloatArray:
+        """Return the legs that count as coverage."""
+        if self._beside is None or len(legs_m) == 0:
+            return legs_m
+        return legs_m[~shapely.covers(self._beside, leg_lines(legs_m))]
 
     def _after_quads(self, legs_m: FloatArray) -> npt.NDArray[np.object_]:
         """Subtract the rectangles beside the lanes: ends, corners and slivers remain."""

@@ -17,12 +17,15 @@ TOUCH_M = 1e-6
 
 
 def with_turnarounds(
-    path: CoveragePath, turnaround_m: float, region: shapely.Geometry | None
+    path: CoveragePath,
+    run_in_m: float,
+    region: shapely.Geometry | None,
+    run_out_m: float | None = None,
 ) -> CoveragePath:
     """Return the path with a straight run-in before and a run-out after every stretch of lanes.
 
     The transit to a lane then ends, and the one from it begins, at the outer end of its run. What
-    lies between is as it was, so the new path stays within `turnaround_m` of the old one. Lanes
+    lies between is as it was, so the new path stays within the longer run of the old one. Lanes
     that follow on each other without a transit are one stretch; a lane that begins or ends at home
     has no run there.
 
@@ -30,12 +33,14 @@ def with_turnarounds(
     ----------
     path : CoveragePath
         From home to home.
-    turnaround_m : float
-        Length of a run.
+    run_in_m : float
+        Length of a run before a lane.
     region : Polygon or MultiPolygon, optional
         What must not be left, local frame: runs are then cut to what lies inside, and left out
         where they are too short or where the transit could not follow. None lets all through: a
         copter flies over the shore.
+    run_out_m : float, optional
+        Length of a run after a lane; as long as one before it if not given.
 
     Returns
     -------
@@ -44,7 +49,8 @@ def with_turnarounds(
     """
     kind = np.asarray(path.kind)
     survey = kind == LegKind.SURVEY
-    if turnaround_m <= 0 or not survey.any():
+    run_out_m = run_in_m if run_out_m is None else run_out_m
+    if max(run_in_m, run_out_m) <= 0 or not survey.any():
         return path
     points = path.points_m
     last = len(kind) - 1
@@ -60,7 +66,8 @@ def with_turnarounds(
     final = [_straight(leg, survey, i, -1) for i in tails.tolist()]
     along = np.concatenate([-leg[first], leg[final]]) if first or final else np.zeros((0, 2))
     along = along / np.hypot(along[:, 0], along[:, 1])[:, None]
-    outer = inner + turnaround_m * along
+    run_m = np.repeat([run_in_m, run_out_m], [len(heads), len(tails)])
+    outer = inner + run_m[:, None] * along
     if region is not None:
         outer = _inside(inner, outer, region)
     keep = np.hypot(*(outer - inner).T) >= SHORTEST_M
@@ -90,6 +97,28 @@ def with_turnarounds(
         else:
             go(points[end], int(kind[i]), int(path.lane[i]))
     return make_path(path.robot, np.concatenate(out), kinds, lanes)
+
+
+def outer_ends(
+    ends_m: FloatArray, away: FloatArray, run_m: float, region: shapely.Geometry | None
+) -> FloatArray:
+    """Return the (n, 2) outer ends of runs from the ends of lines, for the planner's costs.
+
+    Parameters
+    ----------
+    ends_m : (n, 2) array, m
+    away : (n, 2) array
+        Unit vectors that point out of the lines at these ends.
+    run_m : float
+        Length of a run.
+    region : Polygon or MultiPolygon, optional
+        What must not be left; a run that is too short there is none.
+    """
+    outer = ends_m + run_m * away
+    if region is not None and len(ends_m):
+        outer = _inside(ends_m, outer, region)
+    short = np.hypot(*(outer - ends_m).T) < SHORTEST_M
+    return np.where(short[:, None], ends_m, outer)
 
 
 def _straight(leg: FloatArray, survey: BoolArray, index: int, step: int) -> int:
