@@ -8,6 +8,7 @@ from typing import Any
 
 from mrmission.errors import ConfigError
 from mrmission.fleet import DEFAULT_RESERVE, MAX_RESERVE, Robot, robots_as_dicts
+from mrmission.tour.tie_spec import TieSpec
 from mrmission.tour.time_table import STEERINGS, TimeTable
 
 METHODS = ("crc", "cac", "fhk", "nrc", "minmax")
@@ -17,6 +18,7 @@ TRIGGERS = ("lanes", "continuous")
 MIN_ALTITUDE_M, MAX_ALTITUDE_M = 2.0, 1000.0
 """Lower, a copter's own errors of height are as large; an autopilot takes 0 as "as before"."""
 MAX_TURNAROUND_M = 500.0
+MAX_SHORE_LAPS = 50
 MIN_LANE_OVERLAP_M = 0.02
 """Lanes lie at least this much closer than the swath, so that rounding opens no gap."""
 
@@ -100,6 +102,10 @@ class PlanOptions:
     endurance_m: float | None = None
     reserve: float = DEFAULT_RESERVE
     swap_time_s: float = 0.0
+    shore_laps: int = 0
+    tie_lines: TieSpec | None = None
+    run_in_m: float | None = None
+    run_out_m: float | None = None
 
     def __post_init__(self) -> None:
         if self.limits is BOARD:
@@ -182,6 +188,25 @@ class PlanOptions:
             self.turnaround_m,
             f"between 0 and {MAX_TURNAROUND_M:g} m",
         )
+        for flag, run_m in (("--run-in", self.run_in_m), ("--run-out", self.run_out_m)):
+            check(
+                run_m is None or (math.isfinite(run_m) and 0 <= run_m <= MAX_TURNAROUND_M),
+                flag,
+                run_m,
+                f"between 0 and {MAX_TURNAROUND_M:g} m",
+            )
+        check(
+            0 <= self.shore_laps <= MAX_SHORE_LAPS,
+            "--shore-laps",
+            self.shore_laps,
+            f"between 0 and {MAX_SHORE_LAPS}",
+        )
+        for flag, asked in (("--shore-laps", self.shore_laps), ("--tie-lines", self.tie_lines)):
+            if asked and self.method != "minmax":
+                raise ConfigError(
+                    f"{flag} {asked} with --method {self.method}: that planner shares out whole "
+                    "cells of lanes and no other lines; give --method minmax"
+                )
         check(
             self.angle_deg is None or math.isfinite(self.angle_deg),
             "--angle",
@@ -242,7 +267,14 @@ class PlanOptions:
         Otherwise transits sweep what they pass, and a plan counts on it.
         """
         camera = self.trigger_distance_m > 0 and self.trigger == "lanes"
-        return camera or self.turnaround_m > 0
+        return camera or max(self.runs_m) > 0
+
+    @property
+    def runs_m(self) -> tuple[float, float]:
+        """Return the lengths of the run-in before a line and of the run-out after it, m."""
+        run_in_m = self.turnaround_m if self.run_in_m is None else self.run_in_m
+        run_out_m = self.turnaround_m if self.run_out_m is None else self.run_out_m
+        return run_in_m, run_out_m
 
     @property
     def fence_room_m(self) -> float:
@@ -265,6 +297,8 @@ class PlanOptions:
                 value = {f.name: getattr(value, f.name) for f in fields(value)}
             elif item.name == "fleet":
                 value = robots_as_dicts(self.fleet)
+            elif isinstance(value, TieSpec):
+                value = str(value)
             elif isinstance(value, TimeTable):
                 value = {"vehicle": value.vehicle, "command": value.command}
             out[item.name] = value

@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 import click
 from click.core import ParameterSource
 
+from mrmission.cli.survey_options import SURVEY, read_survey_flags
 from mrmission.errors import ConfigError
 from mrmission.fleet import (
     FleetFile,
@@ -283,7 +284,7 @@ def area_options(command: F) -> F:
 
 def plan_options(command: F) -> F:
     """Add the flags of a plan."""
-    for option in reversed([*_PLAN, *_FLEET]):
+    for option in reversed([*_PLAN, *SURVEY, *_FLEET]):
         command = option(command)
     return command
 
@@ -296,6 +297,7 @@ def build_options(**flags: Any) -> PlanOptions:
     ConfigError
         When a value is out of range.
     """
+    read_survey_flags(flags)
     file = _with_trips(flags)
     if file is not None:
         return _of_fleet(file, flags)

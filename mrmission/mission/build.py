@@ -61,7 +61,7 @@ def _airspace(
     water_m: shapely.Polygon, launch: shapely.Polygon, options: PlanOptions
 ) -> shapely.Polygon:
     """Return where a copter flies: the water, its launch place, and what its turns need."""
-    beyond_m = options.turnaround_m - options.clearance_m
+    beyond_m = max(options.runs_m) - options.clearance_m
     if beyond_m > -options.fence_margin_m:
         # half a metre for the roundness of the buffer and for rounding
         water_m = water_m.buffer(beyond_m + options.fence_margin_m + 0.5)

@@ -151,7 +151,7 @@ def vehicle_notes(mission: Mission, options: PlanOptions, launch_radius_m: float
                 "heights are above terrain: without terrain data or a rangefinder on board a "
                 "copter breaks off at its first waypoint"
             )
-        beyond_m = options.turnaround_m - options.clearance_m
+        beyond_m = max(options.runs_m) - options.clearance_m
         if beyond_m > 0:
             notes.append(
                 f"turns reach up to {beyond_m:g} m over the shore and the islands, and so do the "

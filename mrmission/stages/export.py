@@ -43,11 +43,12 @@ def export_part(part: PartPlan, frame: LocalFrame) -> tuple[list[Route], Coverag
     turn = work.sweep.frame
     paths = part.tours.paths
     alone = options.lanes_alone_count
+    run_in_m, run_out_m = options.runs_m
     # a copter may turn over the shore, a boat turns where there is water
     limits = None if options.vehicle == "copter" else work.region_m
     for _ in range(MAX_EXPORT_ROUNDS):
         paths = repair(paths, work.uncovered, turn, work.harbour, work.time, options.swath_m, alone)
-        turned = [with_turnarounds(p, options.turnaround_m, limits) for p in paths]
+        turned = [with_turnarounds(p, run_in_m, limits, run_out_m) for p in paths]
         routes = [export_route(number_lanes(p), frame, tolerance) for p in turned]
         legs = fleet_legs([r.path for r in routes], turn, lanes_alone=alone)
         pieces = work.uncovered.remainder(legs)

@@ -15,9 +15,9 @@ from mrmission.model import FloatArray
 from mrmission.options import PlanOptions
 from mrmission.routing.harbour import Harbour
 from mrmission.stages.cells import cell_tours
+from mrmission.stages.lines import lines_to_sweep, not_counted
 from mrmission.tour.coverage import Uncovered
-from mrmission.tour.lines import SurveyLine, lane_lines
-from mrmission.tour.sweep import Sweep, best_bearing_deg, lane_spacing_m, sweep_region
+from mrmission.tour.sweep import best_bearing_deg, lane_spacing_m, sweep_region
 from mrmission.tour.timing import TimeModel
 from mrmission.tour.work import PartPlan, PartTours, PartWork
 
@@ -57,23 +57,21 @@ def plan_part(
     homes = _homes(part, water, starts_m, robots, options, spacing, notes)
     own_times = tuple(times[r - 1] for r in robots)
     sweep = sweep_region(part, _bearing_deg(part, spacing, options, own_times[0]), spacing)
+    lines = lines_to_sweep(sweep, part, options)
     work = PartWork(
         region_m=part,
         robots=robots,
         homes_m=homes,
         sweep=sweep,
-        lines=lines_to_sweep(sweep),
+        lines=lines,
         harbour=Harbour(part, homes),
-        uncovered=Uncovered(sweep.region, sweep.column_pitch_m, options.swath_m / 2),
+        uncovered=Uncovered(
+            sweep.region, sweep.column_pitch_m, options.swath_m / 2, not_counted(lines, sweep)
+        ),
         times=own_times,
         options=options,
     )
     return PartPlan(work=work, tours=PLANNERS.get(options.method, cell_tours)(work))
-
-
-def lines_to_sweep(sweep: Sweep) -> tuple[SurveyLine, ...]:
-    """Return all lines that a part is to be swept along, local frame."""
-    return lane_lines(sweep)
 
 
 def _bearing_deg(

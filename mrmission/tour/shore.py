@@ -19,9 +19,10 @@ from mrmission.tour.coverage import strips_of
 from mrmission.tour.lines import LineKind, SurveyLine, lane_names, letters
 from mrmission.tour.sweep import Sweep, lane_spacing_m
 
-SMOOTH_SHARE = 0.02
-"""Laps depart from the exact offset of the shore by up to this share of the swath, to save
-waypoints; they lie that much closer together where the overlap does not make up for it."""
+LEAST_SMOOTH, MOST_SMOOTH = 0.02, 0.06
+"""Laps depart from the exact offset of the shore by up to a quarter of the overlap, within these
+shares of the swath, to save waypoints; laps lie closer together where the overlap does not make
+up for it."""
 MITRE_LIMIT = 2.0
 """A lap goes round a headland at most twice as far off as along a straight shore."""
 SHORTEST_SPACINGS = 3.0
@@ -78,7 +79,7 @@ def shore_laps(
         share a ring as they share lanes. It does not depend on the number of robots, so that
         the names don't either.
     """
-    smooth = SMOOTH_SHARE * swath_m
+    smooth = min(max(overlap / 4, LEAST_SMOOTH), MOST_SMOOTH) * swath_m
     # both neighbours may be smoothed towards each other's far side
     spacing = lane_spacing_m(swath_m, overlap, leg_tolerance_m + 2 * smooth)
     lines: list[SurveyLine] = []

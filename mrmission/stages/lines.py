@@ -1,0 +1,54 @@
+"""All lines of a part: laps along the shore, the lanes inside, tie lines across."""
+
+from __future__ import annotations
+
+import shapely
+
+from mrmission.area.legs import leg_tolerance_m
+from mrmission.errors import PlanningError
+from mrmission.options import PlanOptions
+from mrmission.tour.lines import LineKind, SurveyLine, geometry_of, lane_lines, lengths_m
+from mrmission.tour.sweep import Sweep
+
+
+def lines_to_sweep(
+    sweep: Sweep, region_m: shapely.Polygon, options: PlanOptions
+) -> tuple[SurveyLine, ...]:
+    """Return all lines that a part is to be swept along, local frame: lanes, laps, tie lines.
+
+    Raises
+    ------
+    PlanningError
+        When tie lines are asked for and none crosses a lane.
+    """
+    lanes = lane_lines(sweep)
+    shore: tuple[SurveyLine, ...] = ()
+    if options.shore_laps:
+        from mrmission.tour.shore import lanes_inside, shore_laps
+
+        laps = shore_laps(
+            region_m,
+            options.shore_laps,
+            options.swath_m,
+            options.overlap,
+            leg_tolerance_m(options.swath_m),
+            float(lengths_m(lanes).mean()),
+        )
+        if laps.lines:
+            shore, lanes = laps.lines, lanes_inside(sweep, laps.inner_m)
+    ties: tuple[SurveyLine, ...] = ()
+    if options.tie_lines is not None:
+        from mrmission.tour.ties import tie_lines
+
+        covering = (*lanes, *shore)
+        ties = tie_lines(region_m, sweep.frame.bearing_deg, covering, options.tie_lines)
+    lines = (*lanes, *shore, *ties)
+    if not lines:
+        raise PlanningError("no line fits the region: choose a smaller --swath")
+    return lines
+
+
+def not_counted(lines: tuple[SurveyLine, ...], sweep: Sweep) -> shapely.Geometry | None:
+    """Return the lines (sweep frame) that cover nothing, None if there are none."""
+    ties = geometry_of([line for line in lines if line.kind is LineKind.TIE])
+    return sweep.frame.turn(shapely.MultiLineString(ties)) if ties else None
