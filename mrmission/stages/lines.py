@@ -7,8 +7,12 @@ import shapely
 from mrmission.area.legs import leg_tolerance_m
 from mrmission.errors import PlanningError
 from mrmission.options import PlanOptions
+from mrmission.tour.coverage import BESIDE_M
 from mrmission.tour.lines import LineKind, SurveyLine, geometry_of, lane_lines, lengths_m
 from mrmission.tour.sweep import Sweep
+
+ALONG_M = 10.0
+"""A tie line this long within a hair of a lap runs along it; one that crosses it does not."""
 
 
 def lines_to_sweep(
@@ -49,6 +53,15 @@ def lines_to_sweep(
 
 
 def not_counted(lines: tuple[SurveyLine, ...], sweep: Sweep) -> shapely.Geometry | None:
-    """Return the lines (sweep frame) that cover nothing, None if there are none."""
+    """Return the lines (sweep frame) that cover nothing, None if there are none.
+
+    A tie line that runs along a lap for a while is not among them: legs there are the lap's.
+    """
     ties = geometry_of([line for line in lines if line.kind is LineKind.TIE])
-    return sweep.frame.turn(shapely.MultiLineString(ties)) if ties else None
+    if not ties:
+        return None
+    laps = geometry_of([line for line in lines if line.kind is LineKind.SHORE])
+    near_laps = shapely.buffer(shapely.MultiLineString(laps), 2 * BESIDE_M)
+    along = shapely.length(shapely.intersection(ties, near_laps))
+    alone = [tie for tie, m in zip(ties, along, strict=True) if m < ALONG_M]
+    return sweep.frame.turn(shapely.MultiLineString(alone)) if alone else None

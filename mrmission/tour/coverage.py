@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from mrmission.model import FloatArray, IntArray
+from mrmission.model import BoolArray, FloatArray, IntArray
 
 QUAD_SEGS = 16
 """Segments per quarter circle of a leg's round ends: inscribed, so never too generous."""
@@ -133,7 +133,7 @@ class Uncovered:
             Pieces of a strip up to this area are not looked for further (they still are bounded
             by it); 0 finds everything.
         """
-        legs_m = self._counted(legs_m)
+        legs_m = legs_m[self.counts(legs_m)]
         pieces = self._after_quads(legs_m)
         pieces = pieces[shapely.area(pieces) > floor_m2]
         left = subtract_legs(pieces, legs_m, self.radius_m)
@@ -142,11 +142,11 @@ class Uncovered:
         merged = shapely.union_all(np.array(left, dtype=object))
         return sorted(_polygons(merged), key=lambda p: (-p.area, p.bounds))
 
-    def _counted(self, legs_m: FloatArray) -> FloatArray:
-        """Return the legs that count as coverage."""
+    def counts(self, legs_m: FloatArray) -> BoolArray:
+        """Return (n,) which legs of (n, 2, 2), sweep frame, count as coverage."""
         if self._beside is None or len(legs_m) == 0:
-            return legs_m
-        return legs_m[~shapely.covers(self._beside, leg_lines(legs_m))]
+            return np.ones(len(legs_m), dtype=bool)
+        return ~shapely.covers(self._beside, leg_lines(legs_m))
 
     def _after_quads(self, legs_m: FloatArray) -> npt.NDArray[np.object_]:
         """Subtract the rectangles beside the lanes: ends, corners and slivers remain."""

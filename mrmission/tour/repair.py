@@ -114,7 +114,7 @@ def fleet_legs(
     return frame.to_sweep(legs)
 
 
-def _viewpoints(piece: shapely.Polygon, uncovered: Uncovered) -> shapely.Geometry:
+def viewpoints(piece: shapely.Polygon, uncovered: Uncovered) -> shapely.Geometry:
     """Return where in the region a single point sees the whole piece; may be empty."""
     radius = uncovered.radius_m * REACH
     hull = shapely.get_coordinates(shapely.convex_hull(piece))[:-1]
@@ -125,7 +125,7 @@ def _viewpoints(piece: shapely.Polygon, uncovered: Uncovered) -> shapely.Geometr
     return seen if seen.is_empty else uncovered.clip(seen)
 
 
-def _spine(piece: shapely.Polygon, radius: float) -> FloatArray:
+def spine(piece: shapely.Polygon, radius: float) -> FloatArray:
     """Return points through the middle of a long piece, no more than `radius` apart."""
     box = shapely.get_coordinates(shapely.minimum_rotated_rectangle(piece))
     if len(box) < 5:
@@ -165,21 +165,22 @@ def _choose(
     sweep_legs = frame.to_sweep(legs)
     kinds = np.concatenate([p.kind for p in paths])
     owner = np.concatenate([np.full(len(p.kind), i) for i, p in enumerate(paths)])
-    lines = shapely.linestrings(sweep_legs)
+    # what is swept on the way along a line that is not counted stays uncovered: no leg to leave
+    lines = np.where(uncovered.counts(sweep_legs), shapely.linestrings(sweep_legs), None)
     tree = shapely.STRtree(lines)
     loads = np.array([time.duration_s(p.points_m, p.kind) for p in paths])
 
     options: list[tuple[int, int, FloatArray, FloatArray]] = []  # piece, leg, enter, line (sweep)
     for i, piece in enumerate(todo):
-        view = _viewpoints(piece, uncovered)
+        view = viewpoints(piece, uncovered)
         goal = piece if view.is_empty else view
-        spine = _spine(piece, uncovered.radius_m) if view.is_empty else None
+        way = spine(piece, uncovered.radius_m) if view.is_empty else None
         near = tree.query_nearest(goal, all_matches=False)
         reach = float(lines[near[0]].distance(goal)) + swath_m
         candidates = tree.query(goal, predicate="dwithin", distance=reach)
         gaps = shapely.distance(lines[candidates], goal)
         candidates = candidates[np.lexsort((candidates, gaps))][:_CANDIDATES]
-        if spine is None:
+        if way is None:
             joins = shapely.get_coordinates(shapely.shortest_line(lines[candidates], view))
             joins = joins.reshape(-1, 2, 2)
             inner = shapely.get_coordinates(piece.representative_point())
@@ -190,11 +191,11 @@ def _choose(
                     options.append((i, int(leg), enter, inner))
         else:
             for leg in candidates:
-                head = shapely.points(spine[0])
+                head = shapely.points(way[0])
                 enter = shapely.get_coordinates(shapely.shortest_line(lines[leg], head))[0]
-                options.append((i, int(leg), enter, spine))
-                if len(spine) > 1:
-                    options.append((i, int(leg), enter, spine[::-1]))
+                options.append((i, int(leg), enter, way))
+                if len(way) > 1:
+                    options.append((i, int(leg), enter, way[::-1]))
 
     leg_index = np.array([o[1] for o in options])
     enter = frame.to_local(np.array([o[2] for o in options]))
