@@ -96,7 +96,7 @@ def decompose(slices: Slices) -> Decomposition:
             w_t=read_only(length_m),
             c_e=read_only(width_m**2 / area_m2),
         ),
-        dual_edges=read_only(_dual_edges(tail, head)),
+        dual_edges=read_only(dual_edges_of(tail, head)),
     )
 
 
@@ -216,7 +216,7 @@ def _input(array: npt.NDArray[np.generic], dtype: type[np.generic]) -> npt.NDArr
     return view
 
 
-def _dual_edges(tail: IntArray, head: IntArray) -> IntArray:
+def dual_edges_of(tail: IntArray, head: IntArray) -> IntArray:
     """Return the pairs of cells that share a node, each once, smaller first, sorted."""
     cells = len(tail)
     node = np.concatenate((tail, head))

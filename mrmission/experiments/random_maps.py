@@ -1,10 +1,11 @@
 """Random binary maps with arbitrarily placed obstacles, alike the paper's in their Reeb graphs.
 
 Obstacles are rectangles on a lattice of columns and flat rows, at any place of it that leaves a row
-to the obstacles above and below; beside each other and at the border they may touch. The lattice is there for one reason: obstacles that begin and end at the
-same column give critical points where several cells meet at once. In general position every
-critical point has degree 1 or 3, so that at least half as many cells as there are critical points
-are doubled, and tours come out longer than the paper's.
+to the obstacles above and below; beside each other and at the border they may touch. The lattice is
+there for one reason: obstacles that begin and end at the same column give critical points where
+several cells meet at once. In general position every critical point has degree 1 or 3, so that at
+least half as many cells as there are critical points are doubled, and tours come out longer than
+the paper's.
 """
 
 from __future__ import annotations
@@ -62,7 +63,8 @@ def random_map(seed: int, number: int, options: RandomMapOptions | None = None) 
         return int(rng.integers(low_high[0], low_high[1] + 1))
 
     while True:
-        columns, rows, obstacles = draw(options.columns), draw(options.rows), draw(options.obstacles)
+        columns, rows = draw(options.columns), draw(options.rows)
+        obstacles = draw(options.obstacles)
         pitch = draw(options.column_pitch_px), draw(options.row_pitch_px)
         free = np.ones((columns, rows), dtype=np.bool_)
         placed = 0

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -10,30 +12,54 @@ from mrmission.model import FloatArray, IntArray
 from mrmission.partition.problem import Assignment, CoverageProblem, visits_of
 
 
-def cac(problem: CoverageProblem, robots: int) -> Assignment:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CacReading:
+    """What the paper leaves open about CAC; the defaults are what plans are made with.
+
+    Attributes
+    ----------
+    seed
+        A cluster's seed is the ``farthest`` cell from the depot among those nobody has, or the h-th
+        of the ``listed`` cells for robot h, which stays idle when another has it.
+    budget
+        An equal share S of what is left, taken ``anew`` for each robot, so that S shrinks as cells
+        are given away, or the ``fixed`` share of all.
+    way
+        The way to the seed and back (the paper's L) ``counts`` within the budget, or is ``free``.
+    fit
+        A cell fits while the cluster comes ``nearest`` to S with it, so that it overshoots by half
+        a cell at most; or while S holds it (``strict``: a seed beside large cells stays alone); or
+        while S is not reached without it (``overshoot`` by a whole cell).
+    misfit
+        A cell that does not fit is passed over (``skip``), or ends the cluster (``stop``).
+    leftovers
+        What is left after the last cluster, which the paper as printed leaves to nobody, goes cell
+        by cell to the robot among its ``neighbours`` that it costs least; or all to the ``last``
+        robot; or is ``dropped``, so that the plan is not complete.
+    floor
+        S may be of any size (``none``), or is no less than the ``costliest`` cell.
+    """
+
+    seed: Literal["farthest", "listed"] = "farthest"
+    budget: Literal["anew", "fixed"] = "anew"
+    way: Literal["counts", "free"] = "counts"
+    fit: Literal["nearest", "strict", "overshoot"] = "nearest"
+    misfit: Literal["skip", "stop"] = "skip"
+    leftovers: Literal["neighbours", "last", "dropped"] = "neighbours"
+    floor: Literal["none", "costliest"] = "none"
+
+
+def cac(problem: CoverageProblem, robots: int, reading: CacReading | None = None) -> Assignment:
     """Grow clusters of adjacent cells of like cost, the farthest first, and tour each by ECC.
 
-    Readings taken, where the paper leaves several:
-
-    * a cluster's seed is the cell farthest from the depot among those nobody has;
-    * its budget S is an equal share of what is left (sweeping, plus each remaining robot's way
-      there and back), taken anew for each robot, so that S shrinks as cells are given away; the
-      alternative keeps the first S for all;
-    * the way to the seed counts within the budget (the paper's L);
-    * the cluster grows breadth first over the dual graph; a cell fits while the cluster comes
-      nearer to S with it than without it, so it overshoots by half a cell at most; one that does
-      not fit is passed over and the search goes on (the alternatives: a strict limit, under which
-      a seed beside large cells stays alone; overshooting by a whole cell; stopping at a misfit);
-    * what is left after the last cluster, which the paper as printed leaves to nobody, goes cell by
-      cell to the robot whose cost it raises least among its neighbours, so the plan is complete;
-    * a cluster whose Reeb subgraph is not connected is toured component by component, nearest
-      first.
+    Where the paper leaves several readings, :class:`CacReading` has them all. A cluster whose Reeb
+    subgraph is not connected is toured component by component, nearest first.
 
     References
     ----------
     Karapetyan et al. 2017, section IV.B.
     """
-    owner = _clusters(problem, robots)
+    owner = clusters(problem, robots, CacReading() if reading is None else reading)
     tours = [problem.ecc(np.flatnonzero(owner == robot)) for robot in range(robots)]
     return tuple(visits_of(tour, 0, len(tour.edge)) for tour in tours)
 
@@ -43,40 +69,90 @@ def _reach(problem: CoverageProblem) -> FloatArray:
     return np.minimum(problem.depot_cost[problem.reeb.tail], problem.depot_cost[problem.reeb.head])
 
 
-def _clusters(problem: CoverageProblem, robots: int) -> IntArray:
-    cells = len(problem.cell_cost)
-    neighbours: list[list[int]] = [[] for _ in range(cells)]
+def neighbours_of(problem: CoverageProblem) -> list[list[int]]:
+    """Return the cells that share a critical point, or a throat, with each cell."""
+    neighbours: list[list[int]] = [[] for _ in range(len(problem.cell_cost))]
     for a, b in [*problem.dual_edges.tolist(), *_throats(problem)]:
         neighbours[a].append(b)
         neighbours[b].append(a)
+    return neighbours
+
+
+def clusters(
+    problem: CoverageProblem,
+    robots: int,
+    reading: CacReading,
+    neighbours: list[list[int]] | None = None,
+) -> IntArray:
+    """Return (cells,) the robot that has each cell; `robots` for those dropped.
+
+    `neighbours` may be given by who asks often: :func:`neighbours_of` the problem.
+    """
+    cells = len(problem.cell_cost)
+    neighbours = neighbours_of(problem) if neighbours is None else neighbours
     reach = _reach(problem)
     cost = problem.cell_cost
     owner = np.full(cells, robots, dtype=np.int64)  # `robots` means: nobody yet
     far_first = np.lexsort((np.arange(cells), -reach))
     load = np.zeros(robots)
+    way = 2.0 if reading.way == "counts" else 0.0
+    budget = 0.0
     for robot in range(robots):
         free = far_first[owner[far_first] == robots]
         if len(free) == 0:
             break
         seed = int(free[0])
         left = robots - robot
-        budget = (float(cost[free].sum()) + 2 * left * float(reach[free].mean())) / left
-        load[robot] = 2 * reach[seed] + cost[seed]
-        owner[seed] = robot
-        queue = deque([seed])
-        seen = {seed}
-        while queue:
-            for cell in neighbours[queue.popleft()]:
-                if cell in seen or owner[cell] != robots:
-                    continue
-                seen.add(cell)
-                if load[robot] + cost[cell] - budget > budget - load[robot]:
-                    continue
-                owner[cell] = robot
-                load[robot] += cost[cell]
-                queue.append(cell)
-    _give_leftovers(owner, load, cost, neighbours, robots)
+        if robot == 0 or reading.budget == "anew":
+            budget = (float(cost[free].sum()) + way * left * float(reach[free].mean())) / left
+            if reading.floor == "costliest":
+                budget = max(budget, float((way * reach + cost).max()))
+        if reading.seed == "listed":
+            if robot >= cells or owner[far_first[robot]] != robots:
+                continue
+            seed = int(far_first[robot])
+        load[robot] = way * reach[seed] + cost[seed]
+        _grow(robot, seed, owner, load, cost, neighbours, budget, reading)
+    if reading.leftovers == "last":
+        owner[owner == robots] = robots - 1
+    elif reading.leftovers == "neighbours":
+        _give_leftovers(owner, load, cost, neighbours, robots)
     return owner
+
+
+def _grow(
+    robot: int,
+    seed: int,
+    owner: IntArray,
+    load: FloatArray,
+    cost: FloatArray,
+    neighbours: list[list[int]],
+    budget: float,
+    reading: CacReading,
+) -> None:
+    """Give a robot cells around its seed, breadth first, while they fit."""
+    nobody = len(load)
+    owner[seed] = robot
+    queue = deque([seed])
+    seen = {seed}
+    while queue:
+        for cell in neighbours[queue.popleft()]:
+            if cell in seen or owner[cell] != nobody:
+                continue
+            seen.add(cell)
+            if reading.fit == "nearest":
+                misfit = load[robot] + cost[cell] - budget > budget - load[robot]
+            elif reading.fit == "strict":
+                misfit = load[robot] + cost[cell] > budget
+            else:
+                misfit = load[robot] >= budget
+            if misfit:
+                if reading.misfit == "stop":
+                    return
+                continue
+            owner[cell] = robot
+            load[robot] += cost[cell]
+            queue.append(cell)
 
 
 def _throats(problem: CoverageProblem) -> list[tuple[int, int]]:

@@ -25,12 +25,15 @@ def longest_round_trip(step_cost: FloatArray, distance: FloatArray) -> float:
     return 0.5 * float(np.max(distance[:-1] + step_cost + distance[1:]))
 
 
-def frederickson_split(step_cost: FloatArray, distance: FloatArray, pieces: int) -> list[int]:
+def frederickson_split(
+    step_cost: FloatArray, distance: FloatArray, pieces: int, *, s_max: float | None = None
+) -> list[int]:
     """Return the ``pieces + 1`` borders of the split: piece j is steps ``border[j]:border[j+1]``.
 
     The j-th border is at ``L_j = (j/k)(c(R) − 2·s_max) + s_max`` along the tour. With v' the last
     vertex whose prefix cost is at most L_j and r what is left, the tour is cut at v' when
-    ``r + d(v') <= w(v', v'+1) − r + d(v'+1)``, otherwise at v'+1.
+    ``r + d(v') <= w(v', v'+1) − r + d(v'+1)``, otherwise at v'+1. `s_max` is the
+    :func:`longest_round_trip` unless another reading of it is given.
 
     References
     ----------
@@ -39,7 +42,8 @@ def frederickson_split(step_cost: FloatArray, distance: FloatArray, pieces: int)
     """
     n = len(step_cost)
     prefix = np.concatenate([[0.0], np.cumsum(step_cost)])
-    s_max = longest_round_trip(step_cost, distance)
+    if s_max is None:
+        s_max = longest_round_trip(step_cost, distance)
     borders = [0]
     for j in range(1, pieces):
         goal = max(0.0, j / pieces * (prefix[-1] - 2 * s_max) + s_max)
