@@ -40,6 +40,9 @@ class PartWork:
         How long each of the robots takes.
     options
         What the user asked for.
+    weights
+        (robots, 2) how much a second of sweeping, and one of travel, counts for each robot; None
+        where all count alike. Robots of different endurance are compared so.
     """
 
     region_m: shapely.Polygon
@@ -51,6 +54,7 @@ class PartWork:
     uncovered: Uncovered
     times: tuple[TimeModel, ...]
     options: PlanOptions
+    weights: FloatArray | None = None
 
     @property
     def lines_m(self) -> FloatArray:
