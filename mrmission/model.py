@@ -275,6 +275,51 @@ class FailsafeReport:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class PairDistance:
+    """How near two robots can come while both are under way; None: never under way together."""
+
+    robots: tuple[int, int]
+    least_m: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SeparationConflict:
+    """A place where two robots can come nearer than the separation.
+
+    ``least_m`` is how near, ``from_s`` to ``to_s`` when, after the fleet's start; ``chance`` is the
+    share of the time errors allowed for that bring it about. ``at_berths``: near their own homes.
+    """
+
+    robots: tuple[int, int]
+    least_m: float
+    lonlat: tuple[float, float]
+    from_s: float
+    to_s: float
+    chance: float
+    at_berths: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SeparationReport:
+    """How far apart the robots of a fleet stay; a ``distance_m`` of 0: it was not looked at.
+
+    ``turned`` are the robots that sail their tour the other way round for it, ``regions`` the
+    number of connected pieces of each robot's lanes, ``crossings_m`` the length of its transits
+    that lies in other robots' regions; both in the order of the report's rows.
+    """
+
+    distance_m: float = 0.0
+    time_share: float = 0.0
+    start_slack_s: float = 0.0
+    max_delay_s: float = 0.0
+    turned: tuple[int, ...] = ()
+    pairs: tuple[PairDistance, ...] = ()
+    conflicts: tuple[SeparationConflict, ...] = ()
+    regions: tuple[int, ...] = ()
+    crossings_m: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class FleetReport:
     """Every number of the table; ``report.json`` is this, field by field."""
 
@@ -303,6 +348,7 @@ class FleetReport:
     versions: Mapping[str, str]
     seed: int
     failsafe: FailsafeReport = FailsafeReport()
+    separation: SeparationReport = SeparationReport()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

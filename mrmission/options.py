@@ -58,6 +58,8 @@ BOARD = VehicleLimits()
 """The limits of a plan for which none were given: those of its kind of vehicle."""
 
 
+MAX_TIME_UNCERTAINTY = 0.5
+"""A robot that may take half as long again is where it likes; more says nothing."""
 REVERSAL_M = 6.0
 """How far a steered boat swings at a reversal: 5.8 m at most in twelve, docs/time-model.md."""
 
@@ -106,6 +108,9 @@ class PlanOptions:
     tie_lines: TieSpec | None = None
     run_in_m: float | None = None
     run_out_m: float | None = None
+    separation_m: float = 20.0
+    time_uncertainty: float = 0.05
+    max_delay_s: float | None = None
 
     def __post_init__(self) -> None:
         if self.limits is BOARD:
@@ -231,6 +236,18 @@ class PlanOptions:
         check(
             math.isfinite(self.swap_time_s) and self.swap_time_s >= 0,
             "--swap-time", self.swap_time_s, "a finite number, 0 or more",
+        )  # fmt: skip
+        check(
+            math.isfinite(self.separation_m) and self.separation_m >= 0,
+            "--separation", self.separation_m, "0 (off) or a finite number of metres above 0",
+        )  # fmt: skip
+        check(
+            0 <= self.time_uncertainty <= MAX_TIME_UNCERTAINTY,
+            "--time-uncertainty", self.time_uncertainty, "a share from 0 to 0.5 (0.05 is 5 %)",
+        )  # fmt: skip
+        check(
+            self.max_delay_s is None or (math.isfinite(self.max_delay_s) and self.max_delay_s >= 0),
+            "--max-delay", self.max_delay_s, "0 s or more",
         )  # fmt: skip
         check(
             len(self.fleet) in (0, self.robots),

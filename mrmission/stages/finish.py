@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 
 from mrmission.area.frame import LocalFrame
-from mrmission.mission.build import LAUNCH_RADIUS_M, build_mission
+from mrmission.mission.build import LAUNCH_RADIUS_M, Route, build_mission
 from mrmission.mission.failsafe import (
     StraightWays,
     failsafe_notes,
@@ -29,9 +29,9 @@ from mrmission.model import (
 from mrmission.options import PlanOptions
 from mrmission.partition.bound import area_bound_s
 from mrmission.stages.export import Coverage, covered_beyond_m2, export_part
+from mrmission.stages.launch import launch, launch_notes
 from mrmission.stages.rows import capacity_notes, idle_notes, robot_row, swing_notes, versions
 from mrmission.tour.repair import total_area
-from mrmission.tour.separation import delay_notes, timeline, worthwhile_delays_s
 from mrmission.tour.timing import TimeModel
 from mrmission.tour.work import PartPlan
 
@@ -83,10 +83,23 @@ def finish(survey: Survey, parts: Sequence[PartPlan], notes: list[str]) -> Fleet
         When something stays uncovered, or a fence cannot hold a route.
     """
     work = _Work(missions={}, rows={}, paths={}, straight_ways={}, home_m={})
-    coverage = [_build_part(part, survey, work, notes) for part in parts]
+    exported = [export_part(part, survey.frame) for part in parts]
+    coverage = [covered for _, covered in exported]
+    routes = {
+        robot: route
+        for part, (ways, _) in zip(parts, exported, strict=True)
+        for robot, route in zip(part.work.robots, ways, strict=True)
+    }
+    for part in parts:
+        work.home_m.update(zip(part.work.robots, part.work.homes_m, strict=True))
+    routes, delays_s, separation = launch(
+        routes, work.home_m, survey.times, survey.options, survey.frame
+    )
+    for robot in sorted(routes):
+        _build(robot, routes[robot], delays_s[robot], survey, work, notes)
     failsafe = failsafe_report(work.straight_ways, survey.frame)
     notes.extend(failsafe_notes(failsafe))
-    notes.extend(_start_one_after_the_other(work, survey.times))
+    notes.extend(launch_notes(work.rows, separation))
     notes.extend(swing_notes(work.paths, survey.options, survey.times))
     busy = next((m for _, m in sorted(work.missions.items()) if m.items), None)
     if busy is not None:
@@ -102,35 +115,27 @@ def finish(survey: Survey, parts: Sequence[PartPlan], notes: list[str]) -> Fleet
         homes_m=np.array([work.home_m[r] for r in sorted(work.home_m)]),
         paths=tuple(work.paths[r] for r in sorted(work.paths)),
         missions=tuple(work.missions[r] for r in sorted(work.missions)),
-        report=_report(survey, parts, coverage, work, notes, failsafe=failsafe),
+        report=_report(
+            survey, parts, coverage, work, notes, failsafe=failsafe, separation=separation
+        ),
     )
 
 
-def _build_part(part: PartPlan, survey: Survey, work: _Work, notes: list[str]) -> Coverage:
-    """Enter the missions and rows of a part's robots into `work`; return what they cover."""
-    routes, coverage = export_part(part, survey.frame)
-    for route, robot, home in zip(routes, part.work.robots, part.work.homes_m, strict=True):
-        built = build_mission(route, robot, home, survey.water_m, survey.frame, survey.options)
-        notes.extend(built.notes)
-        work.missions[robot] = built.mission
-        work.paths[robot] = replace(route.path, robot=robot)
-        work.home_m[robot] = home
-        if survey.options.vehicle != "copter":
-            ways = straight_ways(built.path.points_m, home, survey.water_m)
-            work.straight_ways[robot] = ways
-        home_lonlat = survey.frame.to_lonlat(home[None])[0]
-        work.rows[robot] = robot_row(robot, built, home_lonlat, survey.times[robot - 1])
-    return coverage
-
-
-def _start_one_after_the_other(work: _Work, times: Sequence[TimeModel]) -> list[str]:
-    """Enter the delays of the starts into the rows, and return what to say about them."""
-    order = sorted(work.rows)
-    lines = [timeline(work.paths[r], times[r - 1]) for r in order]
-    delays, horizon_s = worthwhile_delays_s(lines)
-    for robot, delay_s in zip(order, delays.tolist(), strict=True):
-        work.rows[robot] = replace(work.rows[robot], start_delay_s=delay_s)
-    return delay_notes(work.rows, horizon_s)
+def _build(
+    robot: int, route: Route, delay_s: float, survey: Survey, work: _Work, notes: list[str]
+) -> None:
+    """Enter a robot's mission and row into `work`."""
+    home = work.home_m[robot]
+    built = build_mission(route, robot, home, survey.water_m, survey.frame, survey.options)
+    notes.extend(built.notes)
+    work.missions[robot] = built.mission
+    work.paths[robot] = replace(route.path, robot=robot)
+    if survey.options.vehicle != "copter":
+        ways = straight_ways(built.path.points_m, home, survey.water_m)
+        work.straight_ways[robot] = ways
+    home_lonlat = survey.frame.to_lonlat(home[None])[0]
+    row = robot_row(robot, built, home_lonlat, survey.times[robot - 1])
+    work.rows[robot] = replace(row, start_delay_s=delay_s)
 
 
 def _report(
@@ -144,7 +149,7 @@ def _report(
     """Return every number of the plan; `more` are fields of the report that are made elsewhere."""
     options = survey.options
     robots = tuple(work.rows[r] for r in sorted(work.rows))
-    makespan = max(r.duration_s for r in robots)
+    makespan = max(r.duration_s + r.start_delay_s for r in robots)
     bound = max(_area_bound_s(p, c) for p, c in zip(parts, coverage, strict=True))
     planned = total_area([p.work.region_m for p in parts])
     covered = sum(c.covered_m2 for c in coverage)

@@ -1,53 +1,66 @@
-r"""When each robot starts, so that no two come near each other while both are under way.
+r"""Which robots of a fleet can come near each other, and what is done so that they do not.
 
-The robots do not talk to each other, so all that keeps them apart is when they start. With
-:math:`p_i(t)` the place of robot :math:`i` a time :math:`t` after its own start, and :math:`d_i`
-its delay, robots :math:`i` and :math:`j` are within a distance :math:`D` where
-:math:`|p_i(t_i) - p_j(t_j)| < D` for times with :math:`t_i + d_i = t_j + d_j`: only the difference
-:math:`d_j - d_i = t_i - t_j` counts. Every pair of pieces of the two paths that lie within
-:math:`D` of each other forbids an interval of that difference, widened by what the prediction may
-be wrong by at those times. The union of the intervals says which differences are free.
+The robots do not talk to each other, so all that keeps them apart is where they go and when. Times
+are predicted, and predictions are wrong: a robot that started at :math:`d_i` is at the place of its
+progress :math:`\tau` (seconds after its start) some time from :math:`d_i + (1-u)\,\tau` to
+:math:`d_i + (1+u)\,\tau`, give or take what its launch is late or early. Two robots keep their
+distance if no two places of their ways that are nearer can be taken at the same moment. That is
+decided and measured exactly, leg by leg, in :mod:`mrmission.tour.separation_kernel`.
 
-The delays are chosen robot by robot, each the smallest that its predecessors leave free, the
-longest tour first; for few robots every order is tried, and the one with the earliest end is taken.
+Only the difference of two starts counts, so the differences that let two robots meet are a union of
+intervals. Each robot may sail its tour either way round, and wait before it starts:
+:mod:`mrmission.tour.separation_search` chooses. What remains is told with its place and its time.
 
 A robot that waits at its berth, before its start or after its end, does not count: it may be lifted
-out, and berths may lie nearer together than `D`.
-
-Hours later a time is predicted to minutes only, and keeping apart whatever might meet then would
-cost more hours than it is worth. Where it costs too much, delays see to the time after the starts
-alone, and the note says so.
+out, and berths may lie nearer together than the distance.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from itertools import combinations, permutations
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
-import shapely
+from numba import njit
 
-from mrmission.model import CoveragePath, FloatArray, RobotReport
+from mrmission.model import CoveragePath, FloatArray, read_only
+from mrmission.tour.path import make_path
+from mrmission.tour.separation_kernel import box_tree, least_apart, near_legs, pair_distance
+from mrmission.tour.separation_search import Course, best_launch
 from mrmission.tour.timing import TimeModel
 
-DISTANCE_M = 20.0
-"""Least distance that two robots under way are to keep."""
-SLACK_S = 3.0
-SLACK_SHARE = 0.01
-"""What a predicted time may be wrong by, against that of another robot: so much, and a share."""
-STEP_S = 2.0
-"""Length in time of the pieces that paths are cut into, where that gives not too many."""
-MOST_PIECES = 20_000
-"""Pieces of all paths together; longer ones forbid more than they must, never less."""
-HORIZONS_S = (math.inf, 3600.0, 900.0)
-"""How long after their starts robots are kept apart: the first that is worth its delay, else the
-last."""
-WORTH_SHARE = 0.1
-"""What the last robot may come home later for it, as a share of the longest tour."""
-ALL_ORDERS = 5
-"""Up to so many robots every order of choosing delays is tried."""
+START_SLACK_S = 3.0
+"""By how much the starts of two robots may miss the difference that they are to have."""
+MAX_DELAY_SHARE = 0.1
+"""The longest start delay, as a share of the longest tour, where none is given."""
+WORTH_SHARE = 0.02
+"""How much later the last robot may be home, as a share of the longest tour, for one expected
+meeting less, where no launch is free of conflicts."""
+ONE_PLACE_LEGS = 3
+"""Conflicts on legs that follow on each other within so many are one."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SeparationRules:
+    """What is to be kept.
+
+    Attributes
+    ----------
+    distance_m
+        Least distance between two robots that are both under way; 0 switches all of it off.
+    time_share
+        What a predicted time may be wrong by, as a share of it.
+    start_slack_s
+        What the difference of two starts may be wrong by.
+    max_delay_s
+        No robot starts later than this; None takes :data:`MAX_DELAY_SHARE` of the longest tour.
+    """
+
+    distance_m: float = 20.0
+    time_share: float = 0.05
+    start_slack_s: float = START_SLACK_S
+    max_delay_s: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,6 +75,59 @@ class Timeline:
     def duration_s(self) -> float:
         """Seconds from start to end."""
         return float(self.time_s[-1]) if len(self.time_s) else 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Conflict:
+    """A place where two robots can come too near each other.
+
+    Attributes
+    ----------
+    robots
+        The two.
+    least_m
+        How near they can come.
+    place_m
+        Half-way between them when they are so near, local frame.
+    from_s, to_s
+        From when to when it can be, seconds after the fleet's start.
+    chance
+        Of the differences of time that the uncertainty allows, the share that brings the two
+        within the distance: 1 is certain.
+    """
+
+    robots: tuple[int, int]
+    least_m: float
+    place_m: tuple[float, float]
+    from_s: float
+    to_s: float
+    chance: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Separation:
+    """How a fleet is launched, and what may meet nevertheless.
+
+    Attributes
+    ----------
+    rules
+        What was asked for, ``max_delay_s`` filled in.
+    delay_s
+        (k,) seconds after the fleet's start.
+    turned
+        (k,) whether the robot sails its tour the other way round.
+    least_m
+        (k, k) how near each pair can come, symmetric; infinite where two are never under way
+        together.
+    conflicts
+        Every place where two can come nearer than the distance, the likeliest first.
+    """
+
+    rules: SeparationRules
+    delay_s: FloatArray
+    turned: tuple[bool, ...]
+    least_m: FloatArray
+    conflicts: tuple[Conflict, ...]
 
 
 def timeline(path: CoveragePath, time: TimeModel) -> Timeline:
@@ -89,188 +155,201 @@ def timeline(path: CoveragePath, time: TimeModel) -> Timeline:
     return Timeline(robot=path.robot, time_s=when[keep], points_m=where[keep])
 
 
-def pieces_of(line: Timeline, step_s: float) -> tuple[FloatArray, FloatArray]:
-    """Cut a timeline into pieces no longer than `step_s`: (n, 2) times, (n, 2, 2) ends."""
+def reversed_path(path: CoveragePath) -> CoveragePath:
+    """Return a path sailed the other way round, its lanes numbered anew from 1."""
+    lane = path.lane[::-1]
+    lane = np.where(lane > 0, lane.max(initial=0) + 1 - lane, 0)
+    return make_path(path.robot, path.points_m[::-1], path.kind[::-1].tolist(), lane.tolist())
+
+
+def course_of(line: Timeline) -> Course | None:
+    """Return a time line ready for the kernels; None for a robot that does not move."""
     if len(line.time_s) < 2:
-        return np.zeros((0, 2)), np.zeros((0, 2, 2))
-    count = np.maximum(1, np.ceil(np.diff(line.time_s) / step_s - 1e-9)).astype(np.int64)
-    leg = np.repeat(np.arange(len(count)), count)
-    first = np.repeat(np.cumsum(count) - count, count)
-    number = np.arange(len(leg)) - first
-    share = np.stack([number, number + 1], axis=1) / count[leg][:, None]
-    times = line.time_s[leg][:, None] + share * np.diff(line.time_s)[leg][:, None]
-    way = np.diff(line.points_m, axis=0)
-    ends = line.points_m[leg][:, None, :] + share[:, :, None] * way[leg][:, None, :]
-    return times, ends
+        return None
+    points = np.ascontiguousarray(line.points_m, dtype=np.float64)
+    return Course(
+        time_s=np.ascontiguousarray(line.time_s, dtype=np.float64),
+        points_m=points,
+        boxes=box_tree(points),
+    )
 
 
-def forbidden_s(
-    times_i: FloatArray,
-    ends_i: FloatArray,
-    times_j: FloatArray,
-    ends_j: FloatArray,
-    distance_m: float = DISTANCE_M,
-    slack_s: float = SLACK_S,
-    slack_share: float = SLACK_SHARE,
-) -> FloatArray:
-    """Return the (n, 2) disjoint, rising intervals of ``delay_j - delay_i`` that bring i near j.
+def separate(
+    paths: Sequence[CoveragePath],
+    times: Sequence[TimeModel],
+    rules: SeparationRules,
+    *,
+    may_turn: Sequence[bool] | None = None,
+) -> Separation:
+    """Choose which way round each robot sails and when it starts; tell what may meet nevertheless.
 
     Parameters
     ----------
-    times_i, ends_i, times_j, ends_j
-        Pieces as :func:`pieces_of` gives them.
-    distance_m
-        Which distance is too near.
-    slack_s, slack_share
-        What the difference of two predicted times may be wrong by: so much, and a share of the
-        later one.
+    paths
+        One per robot, local frame.
+    times
+        How long each robot takes.
+    rules
+        What is to be kept; a distance of 0 leaves everything as it is and looks for nothing.
+    may_turn
+        Which robots may sail their tour the other way round; None: all.
     """
-    if not len(times_i) or not len(times_j):
-        return np.zeros((0, 2))
-    tree = shapely.STRtree(shapely.linestrings(ends_j))
-    mine, other = tree.query(shapely.linestrings(ends_i), predicate="dwithin", distance=distance_m)
-    slack = slack_s + slack_share * np.maximum(times_i[mine, 1], times_j[other, 1])
-    low = times_i[mine, 0] - times_j[other, 1] - slack
-    high = times_i[mine, 1] - times_j[other, 0] + slack
-    return union_of(np.column_stack([low, high]))
+    count = len(paths)
+    if rules.distance_m <= 0:
+        none = np.full((count, count), np.inf)
+        return Separation(
+            rules=rules, delay_s=np.zeros(count), turned=(False,) * count, least_m=none,
+            conflicts=(),
+        )  # fmt: skip
+    lines = [timeline(p, t) for p, t in zip(paths, times, strict=True)]
+    back = [timeline(reversed_path(p), t) for p, t in zip(paths, times, strict=True)]
+    turns = [True] * count if may_turn is None else list(may_turn)
+    longest_s = max((line.duration_s for line in lines), default=0.0)
+    max_delay_s = rules.max_delay_s
+    if max_delay_s is None:
+        max_delay_s = MAX_DELAY_SHARE * longest_s
+    ways: list[list[Course]] = []
+    for there, other, turn in zip(lines, back, turns, strict=True):
+        both = (course_of(there), course_of(other) if turn else None)
+        ways.append([c for c in both if c is not None])
+    launch = best_launch(
+        ways,
+        distance_m=rules.distance_m,
+        time_share=rules.time_share,
+        slack_s=rules.start_slack_s,
+        max_delay_s=max_delay_s,
+        worth_s=WORTH_SHARE * longest_s,
+    )
+    chosen = [back[r] if launch.way[r] else lines[r] for r in range(count)]
+    return replace(
+        measure(chosen, launch.delay_s, replace(rules, max_delay_s=max_delay_s)),
+        turned=tuple(bool(w) for w in launch.way),
+    )
 
 
-def union_of(intervals: FloatArray) -> FloatArray:
-    """Return the union of (n, 2) intervals as disjoint, rising ones.
-
-    >>> union_of(np.array([[3.0, 4.0], [0.0, 1.0], [0.5, 2.0]])).tolist()
-    [[0.0, 2.0], [3.0, 4.0]]
-    """
-    if not len(intervals):
-        return np.zeros((0, 2))
-    rising = intervals[np.argsort(intervals[:, 0], kind="stable")]
-    reach = np.maximum.accumulate(rising[:, 1])
-    first = np.append(True, rising[1:, 0] > reach[:-1])
-    last = np.append(first[1:], True)
-    return np.column_stack([rising[first, 0], reach[last]])
-
-
-def earliest_s(intervals: FloatArray) -> float:
-    """Return the least whole second, 0 or more, outside disjoint, rising closed intervals.
-
-    >>> earliest_s(np.array([[-5.0, 2.5], [3.0, 7.0], [8.5, 9.0]]))
-    8.0
-    """
-    delay_s = 0.0
-    for low, high in intervals.tolist():
-        if low <= delay_s <= high:
-            delay_s = math.floor(high) + 1.0
-    return delay_s
-
-
-def start_delays_s(
-    lines: Sequence[Timeline],
-    *,
-    distance_m: float = DISTANCE_M,
-    slack_s: float = SLACK_S,
-    slack_share: float = SLACK_SHARE,
-    horizon_s: float = math.inf,
-) -> FloatArray:
-    """Return the delay of each robot's start, whole seconds, so that no two come near.
+def measure(lines: Sequence[Timeline], delay_s: FloatArray, rules: SeparationRules) -> Separation:
+    """Return how near each pair can come, and where, if robots start with these delays.
 
     Parameters
     ----------
     lines
-        When each robot is where, from its own start. A robot without a way needs no delay.
-    distance_m
-        Least distance between two robots that are both under way.
-    slack_s, slack_share
-        See :func:`forbidden_s`.
-    horizon_s
-        Only places that both reach within so much time of their own starts count.
-
-    Returns
-    -------
-    (k,) array
-        The smallest is 0.
+        When each robot is where, from its own start.
+    delay_s
+        (k,) when each starts, seconds after the fleet's start.
+    rules
+        What is to be kept, and what times may be wrong by.
     """
     count = len(lines)
-    total_s = sum(line.duration_s for line in lines)
-    step_s = max(STEP_S, total_s / MOST_PIECES)
-    pieces = []
-    for line in lines:
-        times, ends = pieces_of(line, step_s)
-        soon = times[:, 0] <= horizon_s
-        pieces.append((times[soon], ends[soon]))
-    bad: dict[tuple[int, int], FloatArray] = {}
+    courses = [course_of(line) for line in lines]
+    least_m = np.full((count, count), np.inf)
+    found: list[Conflict] = []
     for i, j in combinations(range(count), 2):
-        found = forbidden_s(
-            *pieces[i], *pieces[j],
-            distance_m=distance_m, slack_s=slack_s, slack_share=slack_share,
+        a, b = courses[i], courses[j]
+        if a is None or b is None:
+            continue
+        lag = float(delay_s[j] - delay_s[i])
+        apart, _, _ = least_apart(
+            a.time_s, a.points_m, a.boxes, b.time_s, b.points_m, b.boxes,
+            lag, rules.time_share, rules.start_slack_s,
         )  # fmt: skip
-        bad[i, j] = found
-        bad[j, i] = -found[::-1, ::-1]
-    busy = [i for i in range(count) if len(lines[i].time_s) > 1]
-    longest_first = sorted(busy, key=lambda i: (-lines[i].duration_s, i))
-    orders = permutations(longest_first) if len(busy) <= ALL_ORDERS else [tuple(longest_first)]
-    best: tuple[float, float, tuple[float, ...]] | None = None
-    for order in orders:
-        delays = _greedy(order, bad, count)
-        end_s = max((delays[i] + lines[i].duration_s for i in busy), default=0.0)
-        key = (end_s, sum(delays), tuple(delays))
-        if best is None or key < best:
-            best = key
-    return np.array(best[2] if best is not None else [0.0] * count)
+        least_m[i, j] = least_m[j, i] = apart
+        if apart < rules.distance_m:
+            found.extend(
+                _conflicts((a, b), (lines[i].robot, lines[j].robot), delay_s[[i, j]], rules)
+            )
+    found.sort(key=lambda c: (-round(c.chance, 6), c.from_s, c.robots))
+    return Separation(
+        rules=rules,
+        delay_s=np.asarray(delay_s, dtype=np.float64),
+        turned=(False,) * count,
+        least_m=read_only(least_m),
+        conflicts=tuple(found),
+    )
 
 
-def _greedy(
-    order: Sequence[int], bad: dict[tuple[int, int], FloatArray], count: int
-) -> list[float]:
-    """Return the delays when each robot of an order takes the smallest that is still free."""
-    delays = [0.0] * count
-    for place, j in enumerate(order):
-        taken = [bad[i, j] + delays[i] for i in order[:place]]
-        delays[j] = earliest_s(union_of(np.concatenate([np.zeros((0, 2)), *taken])))
-    return delays
-
-
-def worthwhile_delays_s(lines: Sequence[Timeline]) -> tuple[FloatArray, float]:
-    """Return the delays (k,) of the longest horizon that is worth them, and that horizon, s."""
-    longest_s = max((line.duration_s for line in lines), default=0.0)
-    for horizon_s in HORIZONS_S:
-        delays = start_delays_s(lines, horizon_s=horizon_s)
-        end_s = max((d + line.duration_s for d, line in zip(delays, lines, strict=True)), default=0)
-        if end_s - longest_s <= WORTH_SHARE * longest_s:
-            break
-    return delays, horizon_s
-
-
-def delay_notes(rows: Mapping[int, RobotReport], horizon_s: float = math.inf) -> list[str]:
-    """Return a note that says in which order, and when, the robots start; empty without delays.
-
-    Parameters
-    ----------
-    rows
-        The report's rows, by robot.
-    horizon_s
-        How long after their starts the delays keep them apart.
-    """
-    late = [row for row in rows.values() if row.start_delay_s > 0]
-    if not late:
-        return []
-    ends = [row.duration_s + row.start_delay_s for row in rows.values()]
-    later_s = max(ends) - max(row.duration_s for row in rows.values())
-    queue = sorted((r for r in rows.values() if r.lanes), key=lambda r: (r.start_delay_s, r.robot))
-    first = [str(r.robot) for r in queue if r.start_delay_s == 0]
-    then = [f"robot {r.robot} after {r.start_delay_s:.0f} s" for r in queue if r.start_delay_s > 0]
-    at_once = f"robot{'s' * (len(first) > 1)} {_some(first)} first"
-    order = f"{at_once}, {_some(then)}"
-    promise = f"no two under way come nearer than {DISTANCE_M:g} m"
-    if math.isfinite(horizon_s):
-        promise += f" in their first {horizon_s / 60:.0f} min (later ones may: look out)"
-    later = f"{later_s:.0f} s later" if later_s else "no later"
-    return [
-        (
-            f"launch {order}: then {promise}, if times are predicted to {SLACK_SHARE:.0%}; "
-            f"the last one is home {later} for it"
+def _conflicts(
+    pair: tuple[Course, Course],
+    robots: tuple[int, int],
+    delay_s: FloatArray,
+    rules: SeparationRules,
+) -> list[Conflict]:
+    """Return the conflicts of two robots, one for each place."""
+    a, b = pair
+    share, slack = rules.time_share, rules.start_slack_s
+    lag = float(delay_s[1] - delay_s[0])
+    legs, rows = near_legs(
+        a.time_s, a.points_m, a.boxes, b.time_s, b.points_m, b.boxes,
+        rules.distance_m, share, slack, abs(lag),
+    )  # fmt: skip
+    hit = (rows[:, 0] <= lag) & (lag <= rows[:, 1])
+    legs, rows = legs[hit], rows[hit]
+    order = np.lexsort((legs[:, 1], legs[:, 0]))
+    legs, rows = legs[order], rows[order]
+    group = _groups(legs, ONE_PLACE_LEGS)
+    apart = pair_distance(a.time_s, a.points_m, b.time_s, b.points_m, legs, lag, share, slack)
+    certain = rows[:, 3] - rows[:, 2]
+    wrong = np.maximum(rows[:, 1] - rows[:, 0] - certain, 1e-9)
+    # how much of the lags that the error makes of this one lie where the two meet
+    over = np.minimum(lag + wrong / 2, rows[:, 3]) - np.maximum(lag - wrong / 2, rows[:, 2])
+    chance = np.clip(over / wrong, 0.0, 1.0)
+    starts = np.maximum(
+        delay_s[0] + (1 - share) * rows[:, 4], delay_s[1] + (1 - share) * rows[:, 6]
+    )
+    ends = np.minimum(delay_s[0] + (1 + share) * rows[:, 5], delay_s[1] + (1 + share) * rows[:, 7])
+    out = []
+    for g in range(int(group.max(initial=-1)) + 1):
+        mine = np.flatnonzero(group == g)
+        best = mine[int(np.argmin(apart[mine, 0]))]
+        middle = (_place(a, apart[best, 1]) + _place(b, apart[best, 2])) / 2
+        out.append(
+            Conflict(
+                robots=robots,
+                least_m=float(apart[best, 0]),
+                place_m=(float(middle[0]), float(middle[1])),
+                from_s=float(starts[mine].min()),
+                to_s=float(max(ends[mine].max(), starts[mine].min())),
+                chance=float(chance[mine].max()),
+            )
         )
-    ]
+    return out
 
 
-def _some(names: Sequence[str]) -> str:
-    return ", ".join(names[:8]) + " …" * (len(names) > 8)
+def _place(course: Course, time_s: float) -> FloatArray:
+    """Return where a robot is at a progress, (2,)."""
+    return np.array([np.interp(time_s, course.time_s, course.points_m[:, k]) for k in (0, 1)])
+
+
+@njit(cache=True, error_model="numpy")
+def _groups(legs, apart):  # type: ignore[no-untyped-def]
+    """Return the number of the group of each pair of legs, (m,), groups in order of their first.
+
+    Pairs (m, 2), sorted, are of one group where both legs are within `apart` of each other's.
+    """
+    count = len(legs)
+    parent = np.arange(count)
+    for a in range(count):
+        for b in range(a + 1, count):
+            if legs[b, 0] - legs[a, 0] > apart:
+                break
+            if abs(legs[b, 1] - legs[a, 1]) <= apart:
+                x, y = a, b
+                while parent[x] != x:
+                    parent[x] = parent[parent[x]]
+                    x = parent[x]
+                while parent[y] != y:
+                    parent[y] = parent[parent[y]]
+                    y = parent[y]
+                if x != y:
+                    parent[max(x, y)] = min(x, y)
+    group = np.empty(count, np.int64)
+    groups = 0
+    for a in range(count):
+        x = a
+        while parent[x] != x:
+            x = parent[x]
+        if x == a:
+            group[a] = groups
+            groups += 1
+        else:
+            group[a] = group[x]
+    return group

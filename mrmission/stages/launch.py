@@ -1,0 +1,209 @@
+"""Routes -> which way round each is sailed, when each robot starts, and what may meet."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from mrmission.area.frame import LocalFrame
+from mrmission.mission.build import Route
+from mrmission.model import (
+    CoveragePath,
+    FloatArray,
+    PairDistance,
+    RobotReport,
+    SeparationConflict,
+    SeparationReport,
+)
+from mrmission.options import PlanOptions
+from mrmission.tour.separation import (
+    Separation,
+    SeparationRules,
+    reversed_path,
+    separate,
+)
+from mrmission.tour.timing import TimeModel
+
+BERTH_REACH = 3.0
+"""A conflict within so many separations of both homes is one at the berths."""
+TOLD = 5
+"""Conflicts that the notes tell one by one; all are in the report."""
+
+
+def launch(
+    routes: Mapping[int, Route],
+    homes_m: Mapping[int, FloatArray],
+    times: Sequence[TimeModel],
+    options: PlanOptions,
+    frame: LocalFrame,
+) -> tuple[dict[int, Route], dict[int, float], SeparationReport]:
+    """Choose each robot's way round and its start.
+
+    Parameters
+    ----------
+    routes, homes_m
+        By robot.
+    times
+        How long each robot takes, robot 1 first.
+    options
+        What the user asked for.
+    frame
+        The local frame.
+
+    Returns
+    -------
+    routes, delay_s, report
+        The routes as they are sailed, seconds after the fleet's start by robot, and what there is
+        to report.
+    """
+    order = sorted(routes)
+    rules = SeparationRules(
+        distance_m=options.separation_m,
+        time_share=options.time_uncertainty,
+        max_delay_s=options.max_delay_s,
+    )
+    found = separate(
+        [replace(routes[r].path, robot=r) for r in order], [times[r - 1] for r in order], rules
+    )
+    sailed = {
+        r: _reversed(routes[r]) if turned else routes[r]
+        for r, turned in zip(order, found.turned, strict=True)
+    }
+    delays = dict(zip(order, found.delay_s.tolist(), strict=True))
+    return sailed, delays, _report(found, order, homes_m, frame)
+
+
+def _reversed(route: Route) -> Route:
+    path: CoveragePath = reversed_path(route.path)
+    return Route(lonlat=np.ascontiguousarray(route.lonlat[::-1]), path=path)
+
+
+def _report(
+    found: Separation, order: Sequence[int], homes_m: Mapping[int, FloatArray], frame: LocalFrame
+) -> SeparationReport:
+    if found.rules.distance_m <= 0:
+        return SeparationReport()
+    reach_m = BERTH_REACH * found.rules.distance_m
+    conflicts = []
+    for c in found.conflicts:
+        lon, lat = frame.to_lonlat(np.array(c.place_m))
+        away = max(np.hypot(*(np.array(c.place_m) - homes_m[r])) for r in c.robots)
+        conflicts.append(
+            SeparationConflict(
+                robots=c.robots,
+                least_m=c.least_m,
+                lonlat=(float(lon), float(lat)),
+                from_s=c.from_s,
+                to_s=c.to_s,
+                chance=c.chance,
+                at_berths=bool(away <= reach_m),
+            )
+        )
+    pairs = []
+    for i, a in enumerate(order):
+        for j in range(i + 1, len(order)):
+            least = float(found.least_m[i, j])
+            pairs.append(
+                PairDistance(robots=(a, order[j]), least_m=least if np.isfinite(least) else None)
+            )
+    return SeparationReport(
+        distance_m=found.rules.distance_m,
+        time_share=found.rules.time_share,
+        start_slack_s=found.rules.start_slack_s,
+        max_delay_s=float(found.rules.max_delay_s or 0.0),
+        turned=tuple(r for r, t in zip(order, found.turned, strict=True) if t),
+        pairs=tuple(pairs),
+        conflicts=tuple(conflicts),
+    )
+
+
+def launch_notes(rows: Mapping[int, RobotReport], report: SeparationReport) -> list[str]:
+    """Return what to say: the order of the starts, what is kept, and what may meet.
+
+    Parameters
+    ----------
+    rows
+        The report's rows, by robot.
+    report
+        What was found.
+    """
+    if report.distance_m <= 0:
+        return []
+    notes = _order_notes(rows)
+    error = f"times wrong by up to {report.time_share:.0%}"
+    near = [p for p in report.pairs if p.least_m is not None and p.least_m < report.distance_m]
+    if not near:
+        met = [p.least_m for p in report.pairs if p.least_m is not None]
+        if met:
+            notes.append(
+                f"no two robots under way come nearer than {report.distance_m:g} m with {error}: "
+                f"{min(met):.0f} m at the least"
+            )
+        return notes
+    told = [c for c in report.conflicts if not c.at_berths]
+    home = [c for c in report.conflicts if c.at_berths]
+    notes.append(
+        f"{len(near)} of {len(report.pairs)} pairs of robots can come nearer than "
+        f"{report.distance_m:g} m with {error}: at {len(report.conflicts)} places, {len(home)} of "
+        f"them at the berths; delays up to {_clock(report.max_delay_s)} (--max-delay) do "
+        "not keep them apart, so keep a lookout; all are in report.json"
+    )
+    notes.extend(conflict_text(c) for c in told[:TOLD])
+    if len(told) > TOLD:
+        notes.append(f"… and {len(told) - TOLD} less likely places on the water")
+    if home:
+        notes.append(
+            "at the berths: "
+            + conflict_text(home[0])
+            + (f"; {len(home) - 1} more there" if len(home) > 1 else "")
+        )
+    return notes
+
+
+def conflict_text(conflict: SeparationConflict) -> str:
+    """Return a conflict as one line."""
+    a, b = conflict.robots
+    when = f"{_clock(conflict.from_s)} and {_clock(conflict.to_s)}"
+    return (
+        f"robots {a} and {b} may come within {conflict.least_m:.0f} m of each other near "
+        f"{_lonlat(conflict.lonlat)} between {when} after the start "
+        f"(chance {conflict.chance:.0%})"
+    )
+
+
+def _order_notes(rows: Mapping[int, RobotReport]) -> list[str]:
+    """Say in which order, and when, the robots start; nothing without delays."""
+    late = [row for row in rows.values() if row.start_delay_s > 0]
+    if not late:
+        return []
+    ends = [row.duration_s + row.start_delay_s for row in rows.values()]
+    later_s = max(ends) - max(row.duration_s for row in rows.values())
+    queue = sorted((r for r in rows.values() if r.lanes), key=lambda r: (r.start_delay_s, r.robot))
+    first = [str(r.robot) for r in queue if r.start_delay_s == 0]
+    then = [f"robot {r.robot} after {r.start_delay_s:.0f} s" for r in queue if r.start_delay_s > 0]
+    later = f"{later_s:.0f} s later" if later_s >= 0.5 else "no later"
+    return [
+        (
+            f"launch robot{'s' * (len(first) > 1)} {_some(first)} first, {_some(then)}; "
+            f"the last one is home {later} for it"
+        )
+    ]
+
+
+def _clock(time_s: float) -> str:
+    """Return a time as people say it, to the minute from five minutes on."""
+    seconds = round(time_s)
+    if seconds < 300:
+        return f"{seconds} s"
+    minutes = round(time_s / 60)
+    return f"{minutes} min" if minutes < 120 else f"{minutes // 60} h {minutes % 60:02d} min"
+
+
+def _lonlat(lonlat: tuple[float, float]) -> str:
+    return f"{(lonlat[0] + 180.0) % 360.0 - 180.0:.6f},{lonlat[1]:.6f}"
+
+
+def _some(names: Sequence[str]) -> str:
+    return ", ".join(names[:8]) + " …" * (len(names) > 8)
