@@ -215,6 +215,44 @@ class RallyPoint:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class LineReport:
+    """A stretch of a mission along one survey line.
+
+    ``kind`` is lane, shore, tie or extra. It begins on the way from item ``from_item`` on and
+    ends on the way to ``to_item``, both included; ``bearing_deg`` is that from its start to its
+    end as it is swept, None where it ends where it starts. ``length_m`` leaves out detours.
+    """
+
+    name: str
+    kind: str
+    robot: int
+    sortie: int
+    from_item: int
+    to_item: int
+    start_lonlat: tuple[float, float]
+    end_lonlat: tuple[float, float]
+    length_m: float
+    bearing_deg: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TieReport:
+    """How tie lines meet the lines they check.
+
+    ``crossings`` are pairs of a tie line and a lane or lap that meet, ``fewest`` those of the tie
+    line that has fewest. ``lanes_crossed`` of all ``lanes`` meet a tie line; laps are not counted.
+    """
+
+    ties: int
+    length_m: float
+    lanes_m: float
+    crossings: int
+    fewest: int
+    lanes: int
+    lanes_crossed: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Mission:
     """Everything one vehicle gets for one sortie: items (seq 0 is home), fence, rally points.
 
@@ -230,6 +268,8 @@ class Mission:
     rally: tuple[RallyPoint, ...]
     kind: tuple[int, ...] = ()
     lane: tuple[int, ...] = ()
+    lines: tuple[LineReport, ...] = ()
+    """The stretches along survey lines in order: lane ``n`` is ``lines[n - 1]``."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -348,6 +388,8 @@ class FleetReport:
     versions: Mapping[str, str]
     seed: int
     failsafe: FailsafeReport = FailsafeReport()
+    lines: tuple[LineReport, ...] = ()
+    tie_lines: TieReport | None = None
     separation: SeparationReport = SeparationReport()
 
 

@@ -16,14 +16,13 @@ its fourth edition (1998) has them no more than 15 line spacings apart.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import shapely
 
 from mrmission.decomposition.slices import lane_intervals
 from mrmission.errors import InfeasibleError
-from mrmission.model import FloatArray, IntArray
+from mrmission.model import FloatArray, IntArray, TieReport
 from mrmission.tour.lines import LineKind, SurveyLine, geometry_of, lengths_m, letters
 from mrmission.tour.sweep import SweepFrame
 from mrmission.tour.tie_spec import TieSpec
@@ -135,33 +134,7 @@ def _named(ways: FloatArray, row: IntArray) -> tuple[SurveyLine, ...]:
     return tuple(out)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Crossings:
-    """How tie lines meet the lines they check.
-
-    Attributes
-    ----------
-    ties
-        Number of tie lines.
-    length_m
-        Of all tie lines.
-    crossings
-        Pairs of a tie line and a lane or lap that meet.
-    fewest
-        Lanes that the tie line with the fewest meets.
-    lanes, lanes_crossed
-        Lanes in all (laps are not counted here), and those that a tie line meets.
-    """
-
-    ties: int
-    length_m: float
-    crossings: int
-    fewest: int
-    lanes: int
-    lanes_crossed: int
-
-
-def crossings(lines: Sequence[SurveyLine]) -> Crossings:
+def crossings(lines: Sequence[SurveyLine]) -> TieReport:
     """Return how the tie lines among `lines` meet the others."""
     ties = [line for line in lines if line.kind is LineKind.TIE]
     checked = [line for line in lines if line.kind is not LineKind.TIE]
@@ -169,9 +142,10 @@ def crossings(lines: Sequence[SurveyLine]) -> Crossings:
     tree = shapely.STRtree(geometry_of(checked))
     which, other = tree.query(np.array(geometry_of(ties), dtype=object), predicate="intersects")
     met = np.unique(other)
-    return Crossings(
+    return TieReport(
         ties=len(ties),
         length_m=float(lengths_m(ties).sum()),
+        lanes_m=float(lengths_m(checked).sum()),
         crossings=len(which),
         fewest=int(np.bincount(which, minlength=len(ties)).min()) if ties else 0,
         lanes=int(lane.sum()),
