@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from mrmission.errors import InfeasibleError
-from mrmission.tour.lines import lengths_m
-from mrmission.tour.path import assemble_paths
+from mrmission.minmax.costs import line_costs
+from mrmission.minmax.hooks import Hooks, find_hooks
+from mrmission.minmax.ways import hooked_ways
+from mrmission.model import CoveragePath, FloatArray, IntArray, LegKind
+from mrmission.routing.harbour import Harbour
+from mrmission.tour.lines import SurveyLine, ends_of
+from mrmission.tour.path import make_path
 from mrmission.tour.work import PartTours, PartWork
 
 MAX_MINMAX_LANES = 4000
@@ -12,23 +19,111 @@ MAX_MINMAX_LANES = 4000
 
 def lane_tours(work: PartWork) -> PartTours:
     """Return the tours of the lane planner."""
-    from mrmission.minmax.search import LaneProblem, minmax
+    from mrmission.minmax.search import minmax
 
-    ends, time = work.lines_m, work.time
-    if len(ends) > MAX_MINMAX_LANES:
+    if len(work.lines) > MAX_MINMAX_LANES:
         raise InfeasibleError(
-            f"{len(ends)} lanes: --method minmax plans up to {MAX_MINMAX_LANES}; "
+            f"{len(work.lines)} lanes: --method minmax plans up to {MAX_MINMAX_LANES}; "
             "choose a wider --swath, or --method auto"
         )
-    flat = ends.reshape(-1, 2)
-    tours = minmax(
-        LaneProblem(
-            lane_cost=lengths_m(work.lines) / time.survey_speed_m_s,
-            end_cost=work.harbour.distance_matrix(flat) / time.transit_speed_m_s,
-            home_cost=work.harbour.distances(work.homes_m, flat) / time.transit_speed_m_s,
-        ),
-        work.options.time_budget_s,
-        work.options.seed,
+    hooks, extra = find_hooks(work)
+    lines = work.lines + extra
+    alone = work.options.lanes_alone_count
+    costs = line_costs(lines, hooks, work.harbour, work.homes_m, work.times, lanes_alone=alone)
+    tours = minmax(costs.problem, work.options.time_budget_s, work.options.seed)
+    paths = tour_paths(work.harbour, lines, hooks, tours.entries, lanes_alone=alone)
+    return PartTours(method="minmax", paths=paths)
+
+
+def tour_paths(
+    harbour: Harbour,
+    lines: tuple[SurveyLine, ...],
+    hooks: Hooks,
+    entries: tuple[IntArray, ...],
+    *,
+    lanes_alone: bool,
+) -> tuple[CoveragePath, ...]:
+    """Return each robot's path over its lines, by the hooks that its turns do not cover.
+
+    Parameters
+    ----------
+    harbour
+        Ways in the water; robot ``r`` lives at berth ``r``.
+    lines, hooks
+        The work.
+    entries
+        Per robot the ends at which its lines are entered, in order.
+    lanes_alone
+        Whether ways cover nothing; hooks are then swept, else they are part of a transit.
+    """
+    ends = ends_of(lines).reshape(-1, 2)
+    busy = [r for r, mine in enumerate(entries) if len(mine)]
+    head = np.array([entries[r][0] for r in busy], dtype=np.int64)
+    tail = np.array([entries[r][-1] ^ 1 for r in busy], dtype=np.int64)
+    none = [np.zeros(0, dtype=np.int64)]
+    leave = np.concatenate([*none, *(entries[r][:-1] ^ 1 for r in busy)])
+    enter = np.concatenate([*none, *(entries[r][1:] for r in busy)])
+    plain = [
+        *harbour.home_paths(busy, ends[head]),
+        *(way[::-1] for way in harbour.home_paths(busy, ends[tail])),
+        *harbour.paths(ends[leave], ends[enter]),
+    ]
+    nowhere = np.full(len(busy), -1, dtype=np.int64)
+    sizes = np.array([len(way) for way in plain], dtype=np.int64)
+    ways = hooked_ways(
+        np.concatenate([nowhere, tail, leave]),
+        np.concatenate([head, nowhere, enter]),
+        np.concatenate([[0], np.cumsum(sizes)]),
+        np.concatenate([np.zeros((0, 2)), *plain]),
+        hooks,
+        always=lanes_alone,
     )
-    ways = [[work.lines[e >> 1].way(e) for e in entries.tolist()] for entries in tours.entries]
-    return PartTours(method="minmax", paths=assemble_paths(work.harbour, ways))
+    bits = _in_water(harbour, ways.points_m, ways.start, ways.hooked)
+    sweep_kind = LegKind.SURVEY if lanes_alone else LegKind.TRANSIT
+    paths: list[CoveragePath] = []
+    between = 2 * len(busy)
+    for robot, mine in enumerate(entries):
+        if robot not in busy:
+            paths.append(make_path(robot + 1, harbour.berths_m[robot][None], [], []))
+            continue
+        place = busy.index(robot)
+        order = [place, *range(between, between + len(mine) - 1), len(busy) + place]
+        between += len(mine) - 1
+        points, kinds, lanes = [harbour.berths_m[robot][None]], [], []
+        for number, way in enumerate(order):
+            for bit, label in bits[way]:
+                points.append(bit[1:])
+                swept = sweep_kind if label else LegKind.TRANSIT
+                kinds.extend([int(swept)] * (len(bit) - 1))
+                lanes.extend([0] * (len(bit) - 1))
+            if number < len(mine):
+                line = lines[mine[number] >> 1].way(int(mine[number]))
+                points.append(line[1:])
+                kinds.extend([int(LegKind.SURVEY)] * (len(line) - 1))
+                lanes.extend([number + 1] * (len(line) - 1))
+        paths.append(make_path(robot + 1, np.concatenate(points), kinds, lanes))
+    return tuple(paths)
+
+
+def _in_water(
+    harbour: Harbour, points_m: FloatArray, start: IntArray, hooked: np.ndarray
+) -> list[list[tuple[FloatArray, bool]]]:
+    """Return each way as polylines that stay in the water, and whether each leads to a hook.
+
+    The legs to and from a hook are straight; where land lies on them they go around it.
+    """
+    swept = (hooked[1:] == 1) | (hooked[:-1] == 2)
+    touched = np.flatnonzero((hooked[1:] > 0) | (hooked[:-1] > 0))
+    blocked = touched[~harbour.router.visible(points_m[touched], points_m[touched + 1])]
+    around = dict(
+        zip(
+            blocked.tolist(),
+            harbour.paths(points_m[blocked], points_m[blocked + 1]),
+            strict=True,
+        )
+    )
+    out = []
+    for a, b in zip(start[:-1].tolist(), start[1:].tolist(), strict=True):
+        legs = [(around.get(i, points_m[i : i + 2]), bool(swept[i])) for i in range(a, b - 1)]
+        out.append(legs)
+    return out

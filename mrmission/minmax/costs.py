@@ -1,0 +1,349 @@
+"""What the search is told: lines, the ways between their ends and to the homes, in seconds.
+
+A way costs its length over the transit speed, the corners at both of its ends, and what it goes out
+of its way for hooks (:mod:`mrmission.minmax.hooks`). Between near ends, where nearly all ways of a
+good plan lie, and between homes and ends, this is computed leg by leg as the time model does it;
+between all others from the angles at both ends alone, and from a mean corner where the way is bent.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numba import njit
+
+from mrmission.minmax.hooks import Hooks
+from mrmission.minmax.search import LaneProblem
+from mrmission.minmax.ways import Ways, hooked_ways, straight
+from mrmission.model import FloatArray, IntArray, LegKind
+from mrmission.routing.harbour import Harbour
+from mrmission.tour.lines import SurveyLine, ends_of, lengths_m
+from mrmission.tour.timing import TimeModel
+
+NEAR = 12
+"""So many nearest ends of each end are priced leg by leg."""
+STUB_M = 1000.0
+"""Lanes are so long where only their corner with a way is asked for: no short legs."""
+FAR_M = 1e5
+"""Distance between chains of legs that are priced in one go."""
+ANGLES = 181
+BENT = 1.02
+"""A way this many times as long as the straight one does not begin in its direction."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LineCosts:
+    """Lines, homes and vehicles as the search sees them.
+
+    Attributes
+    ----------
+    problem
+        In seconds.
+    least
+        The same with every way that was not priced leg by leg at the least it can cost; for
+        lower bounds.
+    """
+
+    problem: LaneProblem
+    least: LaneProblem
+
+
+def line_costs(
+    lines: tuple[SurveyLine, ...],
+    hooks: Hooks,
+    harbour: Harbour,
+    homes_m: FloatArray,
+    times: tuple[TimeModel, ...],
+    *,
+    lanes_alone: bool,
+) -> LineCosts:
+    """Return what sweeping lines and going between them costs.
+
+    Parameters
+    ----------
+    lines, hooks
+        The work; hooks hang on the lines' ends.
+    harbour
+        Ways in the water.
+    homes_m
+        (robots, 2) where each robot starts and ends.
+    times
+        How long each robot takes.
+    lanes_alone
+        Whether ways cover nothing.
+    """
+    ends = ends_of(lines).reshape(-1, 2)
+    out = outward(lines)
+    time = times[0]
+    metres = harbour.distance_matrix(ends)
+    first, last = _near_pairs(metres)
+    near_s = _near_seconds(
+        ends, out, first, last, metres[first, last], hooks, harbour, time, lanes_alone
+    )
+    hook_s = _mean_hook_s(ends, out, hooks, time, lanes_alone)
+    table, mean = _corner_table(time)
+    cost, least = metres, metres.copy()
+    _price_all(cost, ends, out, table, mean, hook_s, 1.0 / time.transit_speed_m_s)
+    floor = min(0.0, float(table.min()))
+    no_hooks = np.zeros(len(ends))
+    flat = np.full_like(table, floor)
+    _price_all(least, ends, out, flat, floor, no_hooks, 1.0 / time.transit_speed_m_s)
+    for matrix in (cost, least):
+        matrix[first, last] = near_s
+        matrix[last, first] = near_s
+    home_s, home_least_s = _home_seconds(ends, out, homes_m, hooks, harbour, times, lanes_alone)
+    lane_s = lengths_m(lines) / time.survey_speed_m_s + _short_lanes_s(lines, time)
+    return LineCosts(
+        problem=LaneProblem(lane_cost=lane_s, end_cost=cost, home_cost=home_s),
+        least=LaneProblem(
+            lane_cost=lengths_m(lines) / time.survey_speed_m_s,
+            end_cost=least,
+            home_cost=home_least_s,
+        ),
+    )
+
+
+def outward(lines: tuple[SurveyLine, ...]) -> FloatArray:
+    """Return (2 · lines, 2) unit vectors out of the lines at their ends; 0 for a mere point."""
+    if not lines:
+        return np.zeros((0, 2))
+    legs = np.array(
+        [
+            (line.points_m[0] - line.points_m[1], line.points_m[-1] - line.points_m[-2])
+            for line in lines
+        ]
+    ).reshape(-1, 2)
+    length = np.hypot(legs[:, 0], legs[:, 1])
+    return legs / np.where(length > 0, length, 1.0)[:, None]
+
+
+def _near_pairs(metres: FloatArray) -> tuple[IntArray, IntArray]:
+    """Return pairs of ends, smaller first, of which one is among the nearest of the other."""
+    n = len(metres)
+    count = min(NEAR + 1, n - 1)
+    if count <= 0:
+        return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
+    nearest = np.argpartition(metres, count, axis=1)[:, : count + 1]
+    here = np.repeat(np.arange(n), nearest.shape[1])
+    there = nearest.ravel()
+    other = (here >> 1) != (there >> 1)
+    low, high = np.minimum(here, there)[other], np.maximum(here, there)[other]
+    key = np.unique(low * n + high)
+    return key // n, key % n
+
+
+def _near_seconds(
+    ends: FloatArray,
+    out: FloatArray,
+    first: IntArray,
+    last: IntArray,
+    metres: FloatArray,
+    hooks: Hooks,
+    harbour: Harbour,
+    time: TimeModel,
+    lanes_alone: bool,
+) -> FloatArray:
+    """Return the seconds of the ways between pairs of near ends, corners and hooks included."""
+    start, points = straight(ends[first], ends[last])
+    bent = np.flatnonzero(metres > np.hypot(*(ends[last] - ends[first]).T) * (1 + 1e-6) + 1e-3)
+    if len(bent):
+        start, points = _with_ways(
+            start, points, bent, harbour.paths(ends[first[bent]], ends[last[bent]])
+        )
+    ways = hooked_ways(first, last, start, points, hooks, always=lanes_alone)
+    return ways_s(ways, out[first], -out[last], time, lanes_alone=lanes_alone)
+
+
+def _with_ways(
+    start: IntArray, points: FloatArray, index: IntArray, ways: list[FloatArray]
+) -> tuple[IntArray, FloatArray]:
+    """Return the polylines with those at `index` replaced."""
+    lists = [points[a:b] for a, b in pairwise(start.tolist())]
+    for i, way in zip(index.tolist(), ways, strict=True):
+        lists[i] = way
+    sizes = np.array([len(way) for way in lists], dtype=np.int64)
+    return np.concatenate([[0], np.cumsum(sizes)]), np.concatenate(lists)
+
+
+def ways_s(
+    ways: Ways,
+    out: FloatArray,
+    into: FloatArray,
+    time: TimeModel,
+    *,
+    lanes_alone: bool = False,
+) -> FloatArray:
+    """Return (ways,) seconds of ways from lane to lane: length, corners, the two outer ones too.
+
+    Parameters
+    ----------
+    ways
+        The ways.
+    out, into
+        (ways, 2) unit vectors in which the lane before is left, and the lane after entered; 0 where
+        there is none.
+    time
+        How long the vehicle takes.
+    lanes_alone
+        Whether hooks are swept, and not merely passed.
+    """
+    n = len(ways)
+    if n == 0:
+        return np.zeros(0)
+    # all ways in one chain, each between two stubs of lanes, and a long leg on to the next
+    size = np.diff(ways.start) + 2
+    begin = np.concatenate([[0], np.cumsum(size)])
+    chain = np.empty((begin[-1], 2))
+    kind = np.full(begin[-1], int(LegKind.TRANSIT), dtype=np.int8)
+    hooked = np.zeros(begin[-1], dtype=np.int8)
+    at = np.arange(len(ways.points_m)) + np.repeat(2 * np.arange(n) + 1, size - 2)
+    # apart from each other, so that no leg between two ways is short
+    aside = np.column_stack([np.zeros(n), FAR_M * (np.arange(n) % 2)])
+    chain[at] = ways.points_m + np.repeat(aside, size - 2, axis=0)
+    hooked[at] = ways.hooked
+    head, tail = begin[:-1], begin[1:] - 1
+    chain[head] = chain[head + 1] - STUB_M * out
+    chain[tail] = chain[tail - 1] + STUB_M * into
+    # a stub of no length would be no leg: it is made one, and its corner not counted
+    no_out, no_into = ~out.any(axis=1), ~into.any(axis=1)
+    chain[head[no_out]] -= [0.0, STUB_M]
+    chain[tail[no_into]] += [0.0, STUB_M]
+    kind[head] = kind[tail - 1] = int(LegKind.SURVEY)
+    if lanes_alone:
+        kind[at[hooked[at] == 1] - 1] = int(LegKind.SURVEY)
+        kind[at[hooked[at] == 2]] = int(LegKind.SURVEY)
+    kind = kind[:-1]
+    leg = np.hypot(*np.diff(chain, axis=0).T)
+    moved = leg > 0
+    seconds = np.zeros(len(chain))
+    own = np.ones(len(leg), dtype=np.bool_)
+    own[head] = own[tail - 1] = False
+    own[tail[:-1]] = False
+    speed = np.where(kind == LegKind.SURVEY, time.survey_speed_m_s, time.transit_speed_m_s)
+    seconds[:-1] = np.where(own, leg / speed, 0.0)
+    kept = np.append(True, moved)
+    corner = np.zeros(len(chain))
+    inner = np.flatnonzero(kept)[1:-1]
+    corner[inner] = time.corners_s(chain[kept], kind[moved])
+    corner[head] = corner[tail] = 0.0
+    corner[head[no_out] + 1] = 0.0
+    corner[tail[no_into] - 1] = 0.0
+    total = np.add.reduceat(seconds + corner, head)
+    return np.maximum(total, 0.0)
+
+
+def _mean_hook_s(
+    ends: FloatArray, out: FloatArray, hooks: Hooks, time: TimeModel, lanes_alone: bool
+) -> FloatArray:
+    """Return (ends,) what the hooks of each end add to a long way from it, as a mean."""
+    hooked = np.flatnonzero(np.diff(hooks.of_end) > 0)
+    seconds = np.zeros(len(ends))
+    if len(hooked) == 0:
+        return seconds
+    bearings = np.arange(8) * (np.pi / 4)
+    step = STUB_M * np.column_stack([np.cos(bearings), np.sin(bearings)])
+    first = np.repeat(hooked, len(step))
+    start, points = straight(ends[first], ends[first] + np.tile(step, (len(hooked), 1)))
+    nowhere = np.full(len(first), -1, dtype=np.int64)
+    none = np.zeros((len(first), 2))
+    plain = Ways(start=start, points_m=points, hooked=np.zeros(len(points), dtype=np.int8))
+    by_hooks = hooked_ways(first, nowhere, start, points, hooks, always=lanes_alone)
+    added = ways_s(by_hooks, out[first], none, time, lanes_alone=lanes_alone)
+    added -= ways_s(plain, out[first], none, time)
+    seconds[hooked] = np.maximum(added.reshape(-1, len(step)).mean(axis=1), 0.0)
+    return seconds
+
+
+def _corner_table(time: TimeModel) -> tuple[FloatArray, float]:
+    """Return extra seconds of a corner between a lane and a long way by the cosine of its turn."""
+    cosine = np.linspace(-1.0, 1.0, ANGLES)
+    turn = np.column_stack([cosine, np.sqrt(1.0 - cosine**2)])
+    n = len(cosine)
+    start, points = straight(np.zeros((n, 2)), STUB_M * turn)
+    plain = Ways(start=start, points_m=points, hooked=np.zeros(2 * n, dtype=np.int8))
+    ahead = np.tile([1.0, 0.0], (n, 1))
+    seconds = ways_s(plain, ahead, np.zeros((n, 2)), time) - STUB_M / time.transit_speed_m_s
+    angle = np.arccos(cosine)
+    mean = float(np.trapezoid(seconds[::-1], angle[::-1]) / np.pi)
+    return seconds, mean
+
+
+@njit(cache=True)
+def _price_all(cost, ends, out, table, mean, hook_s, s_per_m):  # type: ignore[no-untyped-def]
+    """Turn metres between all ends into seconds, in place; see the module."""
+    n = len(cost)
+    top = len(table) - 1
+    for i in range(n):
+        for j in range(i + 1, n):
+            metres = cost[i, j]
+            x, y = ends[j, 0] - ends[i, 0], ends[j, 1] - ends[i, 1]
+            direct = np.sqrt(x * x + y * y)
+            corner = 2.0 * mean
+            if direct > 0.0 and metres <= BENT * direct:
+                x /= direct
+                y /= direct
+                corner = 0.0
+                if out[i, 0] != 0.0 or out[i, 1] != 0.0:
+                    ahead = out[i, 0] * x + out[i, 1] * y
+                    corner += table[round((ahead + 1.0) * 0.5 * top)]
+                else:
+                    corner += mean
+                if out[j, 0] != 0.0 or out[j, 1] != 0.0:
+                    ahead = -out[j, 0] * x - out[j, 1] * y
+                    corner += table[round((ahead + 1.0) * 0.5 * top)]
+                else:
+                    corner += mean
+            seconds = max(0.0, metres * s_per_m + corner + hook_s[i] + hook_s[j])
+            cost[i, j] = seconds
+            cost[j, i] = seconds
+
+
+def _home_seconds(
+    ends: FloatArray,
+    out: FloatArray,
+    homes_m: FloatArray,
+    hooks: Hooks,
+    harbour: Harbour,
+    times: tuple[TimeModel, ...],
+    lanes_alone: bool,
+) -> tuple[FloatArray, FloatArray]:
+    """Return (robots, ends) seconds between homes and ends, and the least that they can be.
+
+    Half of setting off and stopping is in each.
+    """
+    metres = harbour.distances(homes_m, ends)
+    cost, least = np.empty_like(metres), np.empty_like(metres)
+    last = np.arange(len(ends))
+    nowhere = np.full(len(ends), -1, dtype=np.int64)
+    none = np.zeros((len(ends), 2))
+    for robot, time in enumerate(times):
+        home = np.tile(homes_m[robot], (len(ends), 1))
+        start, points = straight(home, ends)
+        ways = hooked_ways(nowhere, last, start, points, hooks, always=lanes_alone)
+        seconds = ways_s(ways, none, -out, time, lanes_alone=lanes_alone)
+        around_m = metres[robot] - np.hypot(*(ends - homes_m[robot]).T)
+        seconds += np.maximum(around_m, 0.0) / time.transit_speed_m_s
+        half = 0.5 * _ends_s(time)
+        cost[robot] = np.maximum(seconds, 0.0) + half
+        floor = min(0.0, float(_corner_table(time)[0].min()))
+        least[robot] = np.maximum(metres[robot] / time.transit_speed_m_s + floor, 0.0) + half
+    return cost, least
+
+
+def _ends_s(time: TimeModel) -> float:
+    """Return the seconds of setting off and of stopping, taking off and landing included."""
+    kind = np.array([int(LegKind.TRANSIT)], dtype=np.int8)
+    line = np.array([[0.0, 0.0], [0.0, STUB_M]])
+    return time.duration_s(line, kind) - STUB_M / time.transit_speed_m_s
+
+
+def _short_lanes_s(lines: tuple[SurveyLine, ...], time: TimeModel) -> FloatArray:
+    """Return (lines,) extra seconds inside the lines: their corners, and what short ones cost."""
+    seconds = np.zeros(len(lines))
+    for i, line in enumerate(lines):
+        if len(line.points_m) > 2:
+            kind = np.full(len(line.points_m) - 1, int(LegKind.SURVEY), dtype=np.int8)
+            seconds[i] = float(time.corners_s(line.points_m, kind).sum())
+    return seconds
