@@ -30,6 +30,7 @@ from mrmission.options import PlanOptions
 from mrmission.partition.bound import area_bound_s
 from mrmission.stages.export import Coverage, covered_beyond_m2, export_part
 from mrmission.stages.launch import launch, launch_notes
+from mrmission.stages.lines import lanes_of, tie_report, with_lines
 from mrmission.stages.rows import capacity_notes, idle_notes, robot_row, swing_notes, versions
 from mrmission.tour.repair import total_area
 from mrmission.tour.timing import TimeModel
@@ -97,6 +98,7 @@ def finish(survey: Survey, parts: Sequence[PartPlan], notes: list[str]) -> Fleet
     )
     for robot in sorted(routes):
         _build(robot, routes[robot], delays_s[robot], survey, work, notes)
+    _enter_lines(parts, survey, work)
     failsafe = failsafe_report(work.straight_ways, survey.frame)
     notes.extend(failsafe_notes(failsafe))
     notes.extend(launch_notes(work.rows, separation))
@@ -136,6 +138,15 @@ def _build(
     home_lonlat = survey.frame.to_lonlat(home[None])[0]
     row = robot_row(robot, built, home_lonlat, survey.times[robot - 1])
     work.rows[robot] = replace(row, start_delay_s=delay_s)
+
+
+def _enter_lines(parts: Sequence[PartPlan], survey: Survey, work: _Work) -> None:
+    """Enter into missions and rows which lines they sweep."""
+    missions = [work.missions[r] for r in sorted(work.missions)]
+    for mission in with_lines(missions, parts, survey.frame):
+        work.missions[mission.robot] = mission
+        row = work.rows[mission.robot]
+        work.rows[mission.robot] = replace(row, lanes=lanes_of(mission))
 
 
 def _report(
@@ -181,6 +192,8 @@ def _report(
         notes=tuple(notes),
         versions=versions(),
         seed=options.seed,
+        lines=tuple(line for r in sorted(work.missions) for line in work.missions[r].lines),
+        tie_lines=tie_report(parts),
         **more,
     )
 

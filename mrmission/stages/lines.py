@@ -2,14 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import shapely
 
+from mrmission.area.frame import LocalFrame
 from mrmission.area.legs import leg_tolerance_m
 from mrmission.errors import PlanningError
+from mrmission.mission.survey_lines import name_lines
+from mrmission.model import Mission, TieReport
 from mrmission.options import PlanOptions
 from mrmission.tour.coverage import BESIDE_M
-from mrmission.tour.lines import LineKind, SurveyLine, geometry_of, lane_lines, lengths_m
+from mrmission.tour.lines import (
+    LineKind,
+    SurveyLine,
+    geometry_of,
+    lane_lines,
+    lengths_m,
+    letters,
+)
 from mrmission.tour.sweep import Sweep
+from mrmission.tour.work import PartPlan
 
 ALONG_M = 10.0
 """A tie line this long within a hair of a lap runs along it; one that crosses it does not."""
@@ -65,3 +79,41 @@ def not_counted(lines: tuple[SurveyLine, ...], sweep: Sweep) -> shapely.Geometry
     along = shapely.length(shapely.intersection(ties, near_laps))
     alone = [tie for tie, m in zip(ties, along, strict=True) if m < ALONG_M]
     return sweep.frame.turn(shapely.MultiLineString(alone)) if alone else None
+
+
+def fleet_lines(parts: Sequence[PartPlan]) -> tuple[SurveyLine, ...]:
+    """Return the lines of all parts, local frame; of several parts each name bears its letter."""
+    if len(parts) == 1:
+        return parts[0].work.lines
+    return tuple(
+        replace(line, name=f"{letters(i).upper()}.{line.name}")
+        for i, part in enumerate(parts)
+        for line in part.work.lines
+    )
+
+
+def with_lines(
+    missions: Sequence[Mission], parts: Sequence[PartPlan], frame: LocalFrame
+) -> tuple[Mission, ...]:
+    """Return the missions with their lines, see :func:`~mrmission.mission.survey_lines.name_lines`.
+
+    The hooks and extras of planners and repair have no name of their own.
+    """
+    named = [line for line in fleet_lines(parts) if line.kind is not LineKind.EXTRA]
+    return name_lines(missions, named, frame)
+
+
+def lanes_of(mission: Mission) -> int:
+    """Return how many lines a mission sweeps; extras count where there is nothing else."""
+    lines = sum(line.kind != LineKind.EXTRA for line in mission.lines)
+    return lines or len(mission.lines)
+
+
+def tie_report(parts: Sequence[PartPlan]) -> TieReport | None:
+    """Return how the tie lines meet the other lines; None without tie lines."""
+    lines = fleet_lines(parts)
+    if not any(line.kind is LineKind.TIE for line in lines):
+        return None
+    from mrmission.tour.ties import crossings
+
+    return crossings(lines)
