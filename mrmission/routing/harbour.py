@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
 
 import numpy as np
@@ -9,7 +10,8 @@ import shapely
 
 from mrmission.model import FloatArray
 from mrmission.routing.bends import straighten
-from mrmission.routing.water import WaterRouter
+from mrmission.routing.shore_grid import Int
+from mrmission.routing.water import Near, WaterRouter
 
 KEEP_OFF_M = 5.0
 """Radius around a berth that transits of other robots stay out of, where the water allows it."""
@@ -35,12 +37,22 @@ class Harbour:
         self.region = region
         self.berths_m = berths_m
         self.radius_m = self._fitting_radii(region, berths_m)
-        discs = [self._disc(i) for i in range(len(berths_m)) if self.radius_m[i] > 0]
+        discs = [self.disc(i) for i in range(len(berths_m)) if self.radius_m[i] > 0]
         free = shapely.difference(region, shapely.union_all(discs)) if discs else region
         if free.geom_type != "Polygon" or free.area < 0.5 * region.area:
             self.radius_m = np.zeros(len(berths_m))
             free = region
         self.router = WaterRouter(free)
+
+    def shared(self, berths: Sequence[int]) -> Harbour:
+        """Return the same water for robots that share berths: robot ``i`` lives at ``berths[i]``.
+
+        That is what the trips of one robot are, each a robot of its own.
+        """
+        other = copy.copy(self)
+        other.berths_m = self.berths_m[list(berths)]
+        other.radius_m = self.radius_m[list(berths)]
+        return other
 
     @staticmethod
     def _fitting_radii(region: shapely.Polygon, berths_m: FloatArray) -> FloatArray:
@@ -59,7 +71,8 @@ class Harbour:
         circle = np.column_stack([np.cos(angle), np.sin(angle)])
         return self.berths_m[robot] + self.radius_m[robot] * circle
 
-    def _disc(self, robot: int) -> shapely.Polygon:
+    def disc(self, robot: int) -> shapely.Polygon:
+        """Return the disc about the berth of robot `robot` (from 0) that others keep out of."""
         return shapely.Polygon(self._disc_corners(robot))
 
     def _outside(self, points_m: FloatArray) -> FloatArray:
@@ -69,7 +82,7 @@ class Harbour:
             near = np.hypot(*(out - self.berths_m[i]).T) < self.radius_m[i]
             if not near.any():
                 continue
-            disc = self._disc(int(i))
+            disc = self.disc(int(i))
             inside = near & shapely.contains_xy(disc, out[:, 0], out[:, 1])
             rim = shapely.shortest_line(disc.exterior, shapely.points(out[inside]))
             out[inside] = shapely.get_coordinates(rim).reshape(-1, 2, 2)[:, 0]
@@ -82,6 +95,16 @@ class Harbour:
     def distance_matrix(self, points_m: FloatArray) -> FloatArray:
         """Return (n, n) symmetric in-water lengths between all of (n, 2)."""
         return self.router.distance_matrix(self._outside(points_m))
+
+    def lengths_within(
+        self, points_m: FloatArray, reach_m: FloatArray, least: int
+    ) -> tuple[Near, FloatArray]:
+        """Return the points within reach of each, see :meth:`WaterRouter.lengths_within`."""
+        return self.router.lengths_within(self._outside(points_m), reach_m, least)
+
+    def last_corners(self, points_m: FloatArray) -> tuple[FloatArray, Int, FloatArray]:
+        """Return lengths between all of (n, 2) and last bends, see `WaterRouter.last_corners`."""
+        return self.router.last_corners(self._outside(points_m))
 
     def pair_distances(self, a_m: FloatArray, b_m: FloatArray) -> FloatArray:
         """Return (n,) in-water lengths between the pairs of two (n, 2) arrays."""

@@ -167,10 +167,12 @@ def many_distances(
     order: npt.NDArray[np.int64],
     targets: Float,
     symmetric: bool,
+    last: Int,
 ) -> Float:
     """Return the (s, t) lengths of the shortest paths; `symmetric`: targets are the sources.
 
-    `order` puts sources that lie together next to each other.
+    `order` puts sources that lie together next to each other. Unless it is empty, `last`, (s, t),
+    is given the last corner of each path, -1 where there is none.
     """
     n = len(graph[0])
     s_start, s_corner, s_away = seen_corners(grid, graph, sources)
@@ -221,6 +223,12 @@ def many_distances(
                 ):
                     best[b] = straight
                 out[s, t] = best[b]
+                if len(last) > 0:
+                    last[s, t] = -1
+                    for k in range(t_start[t], t_start[t + 1]):
+                        if label[t_corner[k], b] + t_away[k] <= best[b]:
+                            last[s, t] = t_corner[k]
+                            break
                 if symmetric:
                     out[t, s] = best[b]
             previous = t

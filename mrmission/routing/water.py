@@ -13,6 +13,8 @@ M. Pocchiola, G. Vegter, "The visibility complex", IJCGA 6(3), 1996 (tangent leg
 
 from __future__ import annotations
 
+from typing import TypeAlias
+
 import numpy as np
 import numpy.typing as npt
 import shapely
@@ -21,6 +23,7 @@ from mrmission.errors import PlanningError
 from mrmission.model import BoolArray, FloatArray
 from mrmission.routing import visibility as kernels
 from mrmission.routing.matrix import FEW_SOURCES, few_distances, many_distances
+from mrmission.routing.near import lengths_within, sort_into_squares
 from mrmission.routing.shore_grid import Int, build_grid, settle_points
 
 SNAP_M = 0.05
@@ -29,6 +32,8 @@ SNAP_M = 0.05
 _TOLERANCE_M = 1e-7  # the land is shrunk by this much
 _MERGE_M = 2e-6  # corners closer than this are one
 _CELLS_PER_EDGE = 6
+Near: TypeAlias = tuple[npt.NDArray[np.int64], Int, FloatArray]
+_NONE: Int = np.zeros((0, 0), dtype=np.int32)
 
 
 class WaterRouter:
@@ -138,9 +143,84 @@ class WaterRouter:
     def distance_matrix(self, points_m: FloatArray) -> FloatArray:
         """Return the in-water lengths between all `points_m`, (n, 2), as (n, n), symmetric."""
         points = self._settle(points_m)
-        out = many_distances(self._grid, self._graph, points, curve_order(points), points, True)
+        out = many_distances(
+            self._grid, self._graph, points, curve_order(points), points, True, _NONE
+        )
         self._check_reached(out, points, points)
         return out
+
+    def lengths_within(
+        self, points_m: FloatArray, reach_m: FloatArray, least: int
+    ) -> tuple[Near, FloatArray]:
+        """Return the points within reach of each point in the water, without all pairs.
+
+        Parameters
+        ----------
+        points_m
+            Shape (n, 2), metres.
+        reach_m
+            Shape (n,), how far to look from each point.
+        least
+            Where fewer others are within reach, look farther until there are so many.
+
+        Returns
+        -------
+        near : tuple of arrays
+            ``(start, other, length_m)``: from point i the points ``other[start[i]:start[i + 1]]``,
+            in ascending order, and their exact lengths.
+        reach_m : FloatArray
+            Shape (n,), how far was looked: all points within are listed.
+
+        Raises
+        ------
+        PlanningError
+            When a point lies outside the region.
+        """
+        points = self._settle(points_m)
+        reach = np.array(reach_m, dtype=np.float64)
+        if len(points) == 0:
+            return (np.zeros(1, dtype=np.int64), np.zeros(0, dtype=np.int32), reach), reach
+        node = self._graph[0]
+        np.maximum(reach, 1e-3, out=reach)
+        start, other, length = lengths_within(
+            self._grid, self._graph, points,
+            sort_into_squares(points, 4.0), sort_into_squares(node, 4.0),
+            min(least, len(points) - 1), reach, self._top_m,
+        )  # fmt: skip
+        row = np.repeat(np.arange(len(points)), np.diff(start))
+        order = np.argsort(row * len(points) + other, kind="stable")
+        return (start, other[order], length[order]), reach
+
+    def last_corners(self, points_m: FloatArray) -> tuple[FloatArray, Int, FloatArray]:
+        """Return the lengths between all points, and where each way bends for the last time.
+
+        Parameters
+        ----------
+        points_m
+            Shape (n, 2), metres.
+
+        Returns
+        -------
+        length_m : FloatArray
+            Shape (n, n), symmetric but for rounding.
+        last : Int
+            Shape (n, n), the last corner of the way from the first to the second; -1 where the
+            way is straight.
+        corner_m : FloatArray
+            Shape (c + 1, 2), the corners of land, and a row that is not a number for -1.
+
+        Raises
+        ------
+        PlanningError
+            When a point lies outside the region, or no path joins two of them.
+        """
+        points = self._settle(points_m)
+        last = np.full((len(points), len(points)), -1, dtype=np.int32)
+        order = curve_order(points)
+        out = many_distances(self._grid, self._graph, points, order, points, False, last)
+        self._check_reached(out, points, points)
+        corners = np.vstack([self._graph[0] + self._centre, np.full((1, 2), np.nan)])
+        return out, last, corners
 
     def pair_distances(self, a_m: FloatArray, b_m: FloatArray) -> FloatArray:
         """Return the in-water lengths from ``a_m[i]`` to ``b_m[i]``.
@@ -196,7 +276,7 @@ class WaterRouter:
         if len(sources) <= FEW_SOURCES:
             return few_distances(self._grid, self._graph, sources, targets)
         order = curve_order(sources)
-        return many_distances(self._grid, self._graph, sources, order, targets, False)
+        return many_distances(self._grid, self._graph, sources, order, targets, False, _NONE)
 
     def _pairs(self, a: FloatArray, b: FloatArray) -> tuple[FloatArray, Int, Int]:
         _same_length(a, b)
