@@ -193,6 +193,7 @@ class Planner:
         tour, reeb = world.tour, world.decomposition.reeb
         self._nodes = np.append(tour.tail, tour.head[-1])
         self._home = world.travel[int(np.argmin(world.problem.depot_cost))]
+        self._way: list[float] = self._home.tolist()
         area = world.problem.cell_cost
         twice = tour.copy == 2
         self._steps: dict[str, FloatArray] = {
@@ -228,6 +229,14 @@ class Planner:
         trip = longest_round_trip(step, distance) * (2.0 if reading.s_max == "whole" else 1.0)
         return self._pieces(frederickson_split(step, distance, robots, s_max=trip), step)
 
+    def missed_px(self, reading: Reading, plan: PaperPlan) -> float:
+        """Return the free area that no tour of a plan sweeps, px²."""
+        if isinstance(reading, ClusterReading):
+            area = self._problems[reading.pieces].cell_cost
+            swept = sum(float(area[piece].sum()) for piece in plan.pieces)
+            return max(0.0, float(area.sum()) - swept)
+        return 0.0
+
     def _pieces(self, borders: Sequence[int], step: FloatArray) -> PaperPlan:
         tour = self.world.tour
         way = self._home[self._nodes]
@@ -243,7 +252,9 @@ class Planner:
     def _clusters(self, reading: ClusterReading, robots: int) -> PaperPlan:
         problem = self._problems[reading.pieces]
         owner = clusters(problem, robots, reading.clustering, self._neighbours[reading.pieces])
-        pieces = tuple(np.flatnonzero(owner == robot) for robot in range(robots))
+        order = np.argsort(owner, kind="stable")
+        first = np.searchsorted(owner[order], np.arange(robots + 1))
+        pieces = tuple(order[a:b] for a, b in pairwise(first.tolist()))
         cost = [self._cluster_cost(problem, cells) for cells in pieces]
         if reading.pieces == "halves":
             sweeps = tuple(bool((self.world.tour.copy[c] != 2).any()) for c in pieces)
@@ -259,14 +270,27 @@ class Planner:
         """
         if len(cells) == 0:
             return 0.0
-        total = float(problem.cell_cost[cells].sum())
-        at = first = int(self._nodes[0])
-        for part in problem.components(cells):
-            nodes = np.unique(np.concatenate([problem.reeb.tail[part], problem.reeb.head[part]]))
-            node = int(nodes[np.argmin(self._home[nodes])])
-            total += float(self.world.travel[at, node])
-            at = node
-        return total + float(self.world.travel[at, first])
+        tail, head = problem.reeb.tail, problem.reeb.head
+        # plain numbers: clusters are small, and there are millions of them in the study
+        root: dict[int, int] = {}
+
+        def find(node: int) -> int:
+            while root.setdefault(node, node) != node:
+                node = root[node]
+            return node
+
+        for u, v in zip(tail[cells].tolist(), head[cells].tolist(), strict=True):
+            root[find(u)] = find(v)
+        nearest: dict[int, tuple[float, int]] = {}
+        for node in list(root):
+            top = find(node)
+            offer = (self._way[node], node)
+            nearest[top] = min(offer, nearest.get(top, offer))
+        stops = sorted(nearest.values())
+        total = float(problem.cell_cost[cells].sum()) + stops[0][0] + stops[-1][0]
+        for (_, a), (_, b) in pairwise(stops):
+            total += float(self.world.travel[a, b])
+        return total
 
 
 def naive_borders(step: FloatArray, robots: int, reading: NrcReading) -> list[int]:

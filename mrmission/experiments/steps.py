@@ -1,0 +1,144 @@
+"""The jobs of the study: functions of plain values, each of one map."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from mrmission.experiments.environments import free_pixels
+from mrmission.experiments.jobs import Job, Result
+from mrmission.experiments.lanes import lane_tours, strips_of
+from mrmission.experiments.random_maps import RandomMapOptions, random_map
+from mrmission.experiments.readings import Planner, all_readings, name_of, reading_of
+from mrmission.experiments.world import PaperWorld, paper_world
+from mrmission.model import BoolArray
+
+LANES_BUDGET_S = 0.15
+"""Search for the random maps: some hundred strips each, 200 maps, six fleets."""
+
+
+def map_of(job: Job) -> BoolArray:
+    """Return the pixels that a job is about: ``source``, or ``seed`` and ``number``."""
+    if "source" in job:
+        return free_pixels(job["source"])
+    return random_map(job["seed"], job["number"])
+
+
+def graph_figures(world: PaperWorld) -> dict[str, float]:
+    """Return what Table 1 counts, and the free area."""
+    reeb = world.decomposition.reeb
+    degree = np.bincount(np.concatenate([reeb.tail, reeb.head]))
+    return {
+        "vertices": len(reeb.node_m),
+        "odd_vertices": int((degree % 2).sum()),
+        "edges": len(reeb.tail),
+        "tour_length": len(world.tour.edge),
+        "tour_cost": float(world.problem.step_costs(world.tour).sum()),
+        "free_px": world.free_px,
+    }
+
+
+def paper_plans(job: Job) -> Result:
+    """Plan one map with the paper's planners.
+
+    ``readings`` are their names, or "all"; ``robots`` the sizes of the fleet. The result has per
+    reading one row per k: the maximum cost, the robots with work, the robots that sweep anything
+    for the first time, and the area that nobody sweeps.
+    """
+    world = paper_world(map_of(job))
+    planner = Planner(world)
+    given: Sequence[str] | str = job["readings"]
+    readings = (
+        list(all_readings()) if isinstance(given, str) else [reading_of(name) for name in given]
+    )
+    plans: dict[str, Any] = {}
+    for reading in readings:
+        rows = []
+        for robots in job["robots"]:
+            plan = planner.plan(reading, robots)
+            rows.append(
+                [
+                    float(plan.cost.max()),
+                    plan.tours,
+                    int(sum(plan.sweeps)),
+                    planner.missed_px(reading, plan),
+                ]
+            )
+        plans[name_of(reading)] = rows
+    costs = {doubled: planner.tour_cost(doubled) for doubled in ("halves", "full", "travel")}
+    return {"graph": graph_figures(world), "tour_costs": costs, "plans": plans}
+
+
+def lane_plans(job: Job) -> Result:
+    """Plan one map with the lane planner: per k the maximum cost and the robots with work."""
+    free = map_of(job)
+    world = paper_world(free)
+    strips = strips_of(free, world)
+    rows = []
+    for robots in job["robots"]:
+        tours = lane_tours(strips, robots, job["time_budget_s"], job["search_seed"])
+        rows.append([float(tours.cost.max()), sum(len(entries) > 0 for entries in tours.entries)])
+    return {"strips": len(strips.area), "rows": rows, "free_px": world.free_px}
+
+
+def stage_times(job: Job) -> Result:
+    """Measure the run time of each stage on a random map with about ``obstacles`` obstacles.
+
+    ``n`` is the number of pixels, ``edges`` that of cells. Times are the best of ``repeats``.
+    """
+    side = max(9, round((job["obstacles"] * 20) ** 0.5))
+    options = RandomMapOptions(
+        columns=(side, side),
+        rows=(3 * side, 3 * side),
+        obstacles=(job["obstacles"], job["obstacles"]),
+        column_pitch_px=(6, 6),
+        row_pitch_px=(3, 3),
+    )
+    free = random_map(job["seed"], job["number"], options)
+    world = paper_world(free)
+    planner = Planner(world)
+    repeats, robots = job["repeats"], job["robots"]
+    defaults = {name.split()[0]: reading_of(name) for name in job["readings"]}
+    stages: dict[str, Any] = {
+        "decomposition": lambda: _decompose(free),
+        "ECC": world.problem.ecc,
+        **{
+            name: lambda reading=reading: planner.plan(reading, robots)
+            for name, reading in defaults.items()
+        },
+    }
+    times = {}
+    for name, stage in stages.items():
+        best = np.inf
+        for _ in range(repeats):
+            begin = time.perf_counter()
+            stage()
+            best = min(best, time.perf_counter() - begin)
+        times[name] = best
+    strips = strips_of(free, world)
+    for name, stage in {
+        "strips and ways": lambda: strips_of(free, world),
+        "lanes": lambda: lane_tours(strips, robots, job["time_budget_s"], 0),
+    }.items():
+        begin = time.perf_counter()
+        stage()
+        times[name] = time.perf_counter() - begin
+    return {
+        "graph": graph_figures(world),
+        "pixels": int(free.size),
+        "slices": len(world.decomposition.slices),
+        "strips": len(strips.area),
+        "seconds": times,
+    }
+
+
+def _decompose(free: BoolArray) -> None:
+    from mrmission.decomposition.cells import decompose
+    from mrmission.decomposition.slices import slices_of_grid
+    from mrmission.model import OccupancyGrid
+
+    grid = OccupancyGrid(free=free, column_pitch_m=1.0, row_pitch_m=1.0, origin_m=(0.0, 0.0))
+    decompose(slices_of_grid(grid))
