@@ -19,6 +19,7 @@ MIN_ALTITUDE_M, MAX_ALTITUDE_M = 2.0, 1000.0
 """Lower, a copter's own errors of height are as large; an autopilot takes 0 as "as before"."""
 MAX_TURNAROUND_M = 500.0
 MAX_SHORE_LAPS = 50
+MAX_TURN_RADIUS_M = 200.0
 MIN_LANE_OVERLAP_M = 0.02
 """Lanes lie at least this much closer than the swath, so that rounding opens no gap."""
 
@@ -91,6 +92,7 @@ class PlanOptions:
     turnaround_m: float = 0.0
     steering: str = "steered"
     wp_radius_m: float = 1.0
+    turn_radius_m: float = 0.0
     time_table: TimeTable | None = None
     berth_spacing_m: float = 15.0
     fence: bool = True
@@ -111,6 +113,7 @@ class PlanOptions:
     separation_m: float = 20.0
     time_uncertainty: float = 0.05
     max_delay_s: float | None = None
+    wait_in_mission: bool = False
 
     def __post_init__(self) -> None:
         if self.limits is BOARD:
@@ -179,6 +182,18 @@ class PlanOptions:
             math.isfinite(self.wp_radius_m) and 0 < self.wp_radius_m <= 100,
             "--wp-radius", self.wp_radius_m, "above 0 and at most 100 m",
         )  # fmt: skip
+        check(
+            math.isfinite(self.turn_radius_m) and 0 <= self.turn_radius_m <= MAX_TURN_RADIUS_M,
+            "--turn-radius",
+            self.turn_radius_m,
+            f"between 0 (turns on the spot) and {MAX_TURN_RADIUS_M:g} m",
+        )
+        check(
+            self.turn_radius_m == 0 or self.vehicle != "copter",
+            "--turn-radius",
+            self.turn_radius_m,
+            "0 with --vehicle copter: it turns on the spot",
+        )
         check(self.trigger in TRIGGERS, "--trigger", self.trigger, "one of " + ", ".join(TRIGGERS))
         check(
             self.trigger_distance_m == 0
@@ -248,6 +263,11 @@ class PlanOptions:
         check(
             self.max_delay_s is None or (math.isfinite(self.max_delay_s) and self.max_delay_s >= 0),
             "--max-delay", self.max_delay_s, "0 s or more",
+        )  # fmt: skip
+        check(
+            not self.wait_in_mission or self.vehicle != "copter",
+            "--wait-in-mission with --vehicle", self.vehicle,
+            "boat or rover: a copter does not hover at its start",
         )  # fmt: skip
         check(
             len(self.fleet) in (0, self.robots),

@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 import click
 from click.core import ParameterSource
 
+from mrmission.cli.separation_options import SEPARATION, read_separation_flags
 from mrmission.cli.survey_options import SURVEY, read_survey_flags
 from mrmission.errors import ConfigError
 from mrmission.fleet import (
@@ -158,6 +159,14 @@ _PLAN = [
         help="The vehicles' WP_RADIUS, m; for durations.",
     ),
     click.option(
+        "--turn-radius",
+        "turn_radius_m",
+        type=float,
+        default=DEFAULT.turn_radius_m,
+        show_default=True,
+        help="Least radius of a turn, m; 0: turns on the spot.",
+    ),
+    click.option(
         "--time-model",
         type=click.Path(path_type=Path),
         metavar="FILE",
@@ -284,7 +293,7 @@ def area_options(command: F) -> F:
 
 def plan_options(command: F) -> F:
     """Add the flags of a plan."""
-    for option in reversed([*_PLAN, *SURVEY, *_FLEET]):
+    for option in reversed([*_PLAN, *SURVEY, *SEPARATION, *_FLEET]):
         command = option(command)
     return command
 
@@ -298,6 +307,7 @@ def build_options(**flags: Any) -> PlanOptions:
         When a value is out of range.
     """
     read_survey_flags(flags)
+    read_separation_flags(flags)
     file = _with_trips(flags)
     if file is not None:
         return _of_fleet(file, flags)

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from mrmission.area.frame import LocalFrame
+from mrmission.errors import InfeasibleError
 from mrmission.mission.build import Route
 from mrmission.model import (
     CoveragePath,
     FloatArray,
+    Mission,
     PairDistance,
     RobotReport,
     SeparationConflict,
@@ -28,6 +31,8 @@ from mrmission.tour.timing import TimeModel
 
 BERTH_REACH = 3.0
 """A conflict within so many separations of both homes is one at the berths."""
+MOST_HOLD_S = 32767
+"""What ArduRover keeps of a waypoint's time to hold; from 32,768 on it holds not at all."""
 TOLD = 5
 """Conflicts that the notes tell one by one; all are in the report."""
 
@@ -64,8 +69,16 @@ def launch(
         time_share=options.time_uncertainty,
         max_delay_s=options.max_delay_s,
     )
+    # a run-in longer than the run-out would be at the wrong end of every lane
+    run_in_m, run_out_m = (
+        options.turnaround_m if own is None else own
+        for own in (options.run_in_m, options.run_out_m)
+    )
     found = separate(
-        [replace(routes[r].path, robot=r) for r in order], [times[r - 1] for r in order], rules
+        [replace(routes[r].path, robot=r) for r in order],
+        [times[r - 1] for r in order],
+        rules,
+        may_turn=[run_in_m == run_out_m] * len(order),
     )
     sailed = {
         r: _reversed(routes[r]) if turned else routes[r]
@@ -78,6 +91,24 @@ def launch(
 def _reversed(route: Route) -> Route:
     path: CoveragePath = reversed_path(route.path)
     return Route(lonlat=np.ascontiguousarray(route.lonlat[::-1]), path=path)
+
+
+def waiting(mission: Mission, delay_s: float) -> Mission:
+    """Return a mission that holds at its first waypoint, at home, before it sets off.
+
+    The waypoint's first parameter is a time to hold, in whole seconds; a boat loiters meanwhile.
+    """
+    wait_s = math.ceil(delay_s)
+    if wait_s <= 0 or len(mission.items) < 2:
+        return mission
+    if wait_s > MOST_HOLD_S:
+        raise InfeasibleError(
+            f"robot {mission.robot} is to wait {wait_s} s, a waypoint holds {MOST_HOLD_S} s at "
+            "most: give a shorter --max-delay, or leave --wait-in-mission out"
+        )
+    items = list(mission.items)
+    items[1] = replace(items[1], param1=float(wait_s))
+    return replace(mission, items=tuple(items))
 
 
 def _report(
@@ -119,7 +150,9 @@ def _report(
     )
 
 
-def launch_notes(rows: Mapping[int, RobotReport], report: SeparationReport) -> list[str]:
+def launch_notes(
+    rows: Mapping[int, RobotReport], report: SeparationReport, waits: bool = False
+) -> list[str]:
     """Return what to say: the order of the starts, what is kept, and what may meet.
 
     Parameters
@@ -128,10 +161,12 @@ def launch_notes(rows: Mapping[int, RobotReport], report: SeparationReport) -> l
         The report's rows, by robot.
     report
         What was found.
+    waits
+        Whether the missions themselves wait.
     """
     if report.distance_m <= 0:
         return []
-    notes = _order_notes(rows)
+    notes = _order_notes(rows, waits)
     error = f"times wrong by up to {report.time_share:.0%}"
     near = [p for p in report.pairs if p.least_m is not None and p.least_m < report.distance_m]
     if not near:
@@ -173,7 +208,7 @@ def conflict_text(conflict: SeparationConflict) -> str:
     )
 
 
-def _order_notes(rows: Mapping[int, RobotReport]) -> list[str]:
+def _order_notes(rows: Mapping[int, RobotReport], waits: bool) -> list[str]:
     """Say in which order, and when, the robots start; nothing without delays."""
     late = [row for row in rows.values() if row.start_delay_s > 0]
     if not late:
@@ -184,6 +219,14 @@ def _order_notes(rows: Mapping[int, RobotReport]) -> list[str]:
     first = [str(r.robot) for r in queue if r.start_delay_s == 0]
     then = [f"robot {r.robot} after {r.start_delay_s:.0f} s" for r in queue if r.start_delay_s > 0]
     later = f"{later_s:.0f} s later" if later_s >= 0.5 else "no later"
+    if waits:
+        return [
+            (
+                f"start all missions at once: they wait at their berths, robot"
+                f"{'s' * (len(first) > 1)} {_some(first)} not at all, {_some(then)}; "
+                f"the last one is home {later} for it"
+            )
+        ]
     return [
         (
             f"launch robot{'s' * (len(first) > 1)} {_some(first)} first, {_some(then)}; "

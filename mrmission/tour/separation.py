@@ -27,7 +27,7 @@ from numba import njit
 from mrmission.model import CoveragePath, FloatArray, read_only
 from mrmission.tour.path import make_path
 from mrmission.tour.separation_kernel import box_tree, least_apart, near_legs, pair_distance
-from mrmission.tour.separation_search import Course, best_launch
+from mrmission.tour.separation_search import Course, best_launch, gravity
 from mrmission.tour.timing import TimeModel
 
 START_SLACK_S = 3.0
@@ -120,7 +120,7 @@ class Separation:
         (k, k) how near each pair can come, symmetric; infinite where two are never under way
         together.
     conflicts
-        Every place where two can come nearer than the distance, the likeliest first.
+        Every place where two can come nearer than the distance, the gravest and likeliest first.
     """
 
     rules: SeparationRules
@@ -257,7 +257,7 @@ def measure(lines: Sequence[Timeline], delay_s: FloatArray, rules: SeparationRul
             found.extend(
                 _conflicts((a, b), (lines[i].robot, lines[j].robot), delay_s[[i, j]], rules)
             )
-    found.sort(key=lambda c: (-round(c.chance, 6), c.from_s, c.robots))
+    found.sort(key=lambda c: (-round(_risk(c, rules.distance_m), 6), c.from_s, c.robots))
     return Separation(
         rules=rules,
         delay_s=np.asarray(delay_s, dtype=np.float64),
@@ -265,6 +265,10 @@ def measure(lines: Sequence[Timeline], delay_s: FloatArray, rules: SeparationRul
         least_m=read_only(least_m),
         conflicts=tuple(found),
     )
+
+
+def _risk(conflict: Conflict, distance_m: float) -> float:
+    return conflict.chance * float(gravity(conflict.least_m, distance_m))
 
 
 def _conflicts(

@@ -27,7 +27,7 @@ from numba import njit
 
 LEAF = 4
 """Legs in a leaf of a tree."""
-ROW = 8
+ROW = 9
 """Columns of :func:`near_legs`."""
 HAIR_S = 1e-6
 """Two moments so near to each other are one: rounding must not keep equal times apart."""
@@ -237,8 +237,9 @@ def _extremes(ti, pi, i, tj, pj, j, reach, share, slack, out):  # type: ignore[n
     bx, by = pj[j + 1, 0] - pj[j, 0], pj[j + 1, 1] - pj[j, 1]
     cx, cy = pi[i, 0] - pj[j, 0], pi[i, 1] - pj[j, 1]
     # x, y: shares of the two legs. A row is a function wx·x + wy·y, low or high end wanted
-    for k in range(0, ROW, 2):
+    for k in range(0, 8, 2):
         out[k], out[k + 1] = np.inf, -np.inf
+    least = np.inf
     met = False
     for side in range(4):  # the four sides of the unit square
         if side == 0:
@@ -251,6 +252,8 @@ def _extremes(ti, pi, i, tj, pj, j, reach, share, slack, out):  # type: ignore[n
             x0, y0, dx, dy = 1.0, 0.0, 0.0, 1.0
         ex, ey = cx + x0 * ax - y0 * bx, cy + x0 * ay - y0 * by
         vx, vy = dx * ax - dy * bx, dx * ay - dy * by
+        near, _ = _edge2(ex, ey, ex + vx, ey + vy)
+        least = min(least, near)
         square, half = vx * vx + vy * vy, ex * vx + ey * vy
         rest = ex * ex + ey * ey - reach * reach
         if square == 0.0:
@@ -272,6 +275,9 @@ def _extremes(ti, pi, i, tj, pj, j, reach, share, slack, out):  # type: ignore[n
             _widen(out, ti[i] + (x0 + t * dx) * la, tj[j] + (y0 + t * dy) * lb, share)
     turn = ay * bx - ax * by
     if abs(turn) > 1e-12 * (ax * ax + ay * ay + bx * bx + by * by):
+        x, y = (cx * by - cy * bx) / turn, (cx * ay - cy * ax) / turn
+        if 0.0 <= x <= 1.0 and 0.0 <= y <= 1.0:
+            least = 0.0
         for k in range(5):  # where the ellipse is extreme in each of the functions
             if k == 0:
                 wx, wy = (1.0 - share) * la, -(1.0 + share) * lb
@@ -298,6 +304,7 @@ def _extremes(ti, pi, i, tj, pj, j, reach, share, slack, out):  # type: ignore[n
     if met:
         out[0] -= slack
         out[1] += slack
+        out[8] = np.sqrt(least)
     return met
 
 
@@ -332,8 +339,9 @@ def near_legs(ti, pi, box_i, tj, pj, box_j, reach, share, slack, most_lag):  # t
     legs
         (m, 2) pairs of legs, in no particular order but always the same.
     rows
-        (m, 8): lags from [0] to [1] bring the two within reach; without any uncertainty [2] to
+        (m, 9): lags from [0] to [1] bring the two within reach; without any uncertainty [2] to
         [3] would; where that is, the first robot's progress is [4] to [5], the second's [6] to [7].
+        [8] is the least distance of the two legs, m, whatever the times.
     """
     ni, nj = len(ti) - 1, len(tj) - 1
     li, lj = len(box_i) // 2, len(box_j) // 2

@@ -30,6 +30,8 @@ ALL_ORDERS = 4
 """Up to so many robots every order is tried, else :data:`SOME_ORDERS`."""
 SOME_ORDERS = 12
 MOST_ROUNDS = 40
+LEAST_GRAVITY = 0.05
+"""What a meeting weighs at the very distance to be kept."""
 CONFLICT = 1000.0
 """What a pair that can meet weighs, in expected meetings, while no meeting at all is sought."""
 
@@ -186,7 +188,7 @@ def _tables(
                 )  # fmt: skip
                 if len(rows):
                     found = True
-                    _add_rows(rows, steps, step_s, hit[v, w], value[v, w])
+                    _add_rows(rows, steps, step_s, distance_m, hit[v, w], value[v, w])
         if found:
             pair_of[i, j] = pair_of[j, i] = len(hits)
             hits.append(hit)
@@ -198,7 +200,16 @@ def _tables(
 
 
 @njit(cache=True, error_model="numpy")
-def _add_rows(rows, steps, step_s, hit, value):  # type: ignore[no-untyped-def]
+def gravity(least, reach):  # type: ignore[no-untyped-def]
+    """Return what a meeting weighs by how near the ways lie: 1 where they cross, else less.
+
+    Lanes side by side, a little nearer than the distance, are no collision.
+    """
+    return max(LEAST_GRAVITY, 1.0 - (least / reach) ** 2)
+
+
+@njit(cache=True, error_model="numpy")
+def _add_rows(rows, steps, step_s, reach, hit, value):  # type: ignore[no-untyped-def]
     """Enter rows of :func:`near_legs` into the tables of one pair of ways, in O(rows + steps).
 
     The chance over the lag is a trapezoid, entered by the changes of its slope at four corners.
@@ -217,7 +228,7 @@ def _add_rows(rows, steps, step_s, hit, value):  # type: ignore[no-untyped-def]
         certain = rows[r, 3] - rows[r, 2]
         wrong = max(high - low - certain, 1e-3)
         ramp = max(min(certain, wrong), 1e-3)
-        slope = min(1.0, certain / wrong) / ramp
+        slope = min(1.0, certain / wrong) / ramp * gravity(rows[r, 8], reach)
         for k in range(4):
             at = low if k == 0 else low + ramp if k == 1 else high - ramp if k == 2 else high
             up = slope if k == 0 or k == 3 else -slope
