@@ -14,7 +14,8 @@ def tours_geojson(missions: Sequence[Mission]) -> str:
     """Return lanes and transits of all missions as a FeatureCollection of LineStrings.
 
     Each feature's properties are robot, sortie, kind (``"survey"`` or ``"transit"``), lane (0 on a
-    transit), and the mission items at which it begins and ends.
+    transit), the mission items at which it begins and ends, and the name and kind of the survey
+    line (null on a transit).
 
     Parameters
     ----------
@@ -24,6 +25,8 @@ def tours_geojson(missions: Sequence[Mission]) -> str:
     rows = []
     for mission in missions:
         for track in tracks(mission):
+            named = 0 < track.lane <= len(mission.lines)
+            line = mission.lines[track.lane - 1] if named else None
             feature: dict[str, Any] = {
                 "type": "Feature",
                 "properties": {
@@ -33,6 +36,8 @@ def tours_geojson(missions: Sequence[Mission]) -> str:
                     "lane": track.lane,
                     "from_item": track.from_item,
                     "to_item": track.to_item,
+                    "line": line.name if line else None,
+                    "line_kind": line.kind if line else None,
                 },
                 "geometry": {
                     "type": "LineString",

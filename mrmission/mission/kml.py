@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from xml.sax.saxutils import escape
 
 from mrmission.mission.mavlink import degrees_text
-from mrmission.mission.tracks import Track, tracks
+from mrmission.mission.tracks import Track, line_label, tracks
 from mrmission.model import LegKind, Mission
 
 
@@ -50,15 +50,18 @@ def tours_kml(missions: Sequence[Mission], name: str = "mrmission") -> str:
                 f"<Placemark><name>home {mission.robot}</name><Point><coordinates>"
                 f"{degrees_text(home.y)},{degrees_text(home.x)}</coordinates></Point></Placemark>"
             )
-        out.extend(_placemark(track, index + 1) for track in tracks(mission))
+        out.extend(
+            _placemark(track, index + 1, line_label(mission, track.lane))
+            for track in tracks(mission)
+        )
         out.append("</Folder>")
     out += ["</Document>", "</kml>"]
     return "\n".join(out) + "\n"
 
 
-def _placemark(track: Track, style: int) -> str:
+def _placemark(track: Track, style: int, label: str) -> str:
     survey = track.kind == LegKind.SURVEY
-    name = f"lane {track.lane}" if survey else "transit"
+    name = escape(label) if survey else "transit"
     points = " ".join(f"{degrees_text(lon)},{degrees_text(lat)}" for lat, lon in track.points_e7)
     return (
         f"<Placemark><name>{name}</name>"

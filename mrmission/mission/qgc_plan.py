@@ -37,7 +37,9 @@ Position = tuple[float, float]
 def plan_text(mission: Mission, home_lonlat: Position | None = None) -> str:
     """Return a mission with its fence and rally points as the text of a ``.plan`` file.
 
-    Home is the file's ``plannedHomePosition`` and no item of its own. Degrees are written so that
+    Home is the file's ``plannedHomePosition`` and no item of its own. Survey lines stand under
+    ``lines`` with the ``doJumpId`` of the items from and to which they are swept: QGroundControl
+    checks the keys that it knows and passes over others. Degrees are written so that
     ``round(degrees * 1e7)`` gives the integers back.
 
     Parameters
@@ -87,6 +89,11 @@ def plan_text(mission: Mission, home_lonlat: Position | None = None) -> str:
         },
         "version": 1,
     }
+    if mission.lines:
+        document["lines"] = [
+            {"name": line.name, "kind": line.kind, "items": [line.from_item, line.to_item]}
+            for line in mission.lines
+        ]
     return json.dumps(document, indent=1, sort_keys=True, allow_nan=False) + "\n"
 
 

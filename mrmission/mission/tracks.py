@@ -51,6 +51,17 @@ def tracks(mission: Mission) -> Iterator[Track]:
         yield _track(what, first, last, points)
 
 
+_WORDS = {"lane": "lane", "shore": "lap", "tie": "tie line", "extra": "extra"}
+
+
+def line_label(mission: Mission, lane: int) -> str:
+    """Return what people call lane `lane` of a mission: ``lane 17b``, ``tie line T3``."""
+    if 0 < lane <= len(mission.lines):
+        line = mission.lines[lane - 1]
+        return f"{_WORDS.get(line.kind, line.kind)} {line.name}"
+    return f"lane {lane}"
+
+
 def _track(what: tuple[int, int], first: int, last: int, points: list[tuple[int, int]]) -> Track:
     return Track(
         kind=LegKind(what[0]),

@@ -64,7 +64,7 @@
       }
       return {
         number: number + 1, points, legs, item, along, chunks,
-        kind: runs(sortie.kind, legs), lane: runs(sortie.lane, legs),
+        kind: runs(sortie.kind, legs), lane: runs(sortie.lane, legs), label: sortie.label || [],
       };
     });
     robot.length = travelled;
@@ -425,7 +425,7 @@
   function legText({ robot, sortie, leg }) {
     const survey = sortie.kind[leg] === SURVEY, lane = sortie.lane[leg];
     const trip = robot.sorties.length > 1 ? ", sortie " + sortie.number : "";
-    const what = survey ? (lane ? "lane " + lane : "survey") : "transit";
+    const what = survey ? (lane ? sortie.label[lane - 1] || "lane " + lane : "survey") : "transit";
     const length = sortie.along[leg + 1] - sortie.along[leg];
     return `Robot ${robot.robot}${trip}: ${what}\nto item ${sortie.item[leg]}, ${lengthText(length)}\n`
       + `${lengthText(sortie.along[leg])} of ${lengthText(robot.length)} from the start`;

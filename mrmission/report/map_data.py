@@ -9,6 +9,7 @@ import numpy as np
 import pyproj
 import shapely
 
+from mrmission.mission.tracks import line_label
 from mrmission.model import FleetPlan, FloatArray, LegKind, Mission
 from mrmission.report.colours import robot_colour
 
@@ -28,15 +29,18 @@ class LegTrack:
     kind, lane, item
         One integer array (n - 1) for each sortie: what leg ``i`` is for, its lane (0 on a
         transit), and the number of the mission item at its end.
+    label
+        For each sortie what its lanes are called, the first lane first; empty if not known.
     """
 
-    __slots__ = ("item", "kind", "lane", "points_m")
+    __slots__ = ("item", "kind", "label", "lane", "points_m")
 
     def __init__(self) -> None:
         self.points_m: list[FloatArray] = []
         self.kind: list[list[int]] = []
         self.lane: list[list[int]] = []
         self.item: list[list[int]] = []
+        self.label: list[list[str]] = []
 
     @property
     def length_m(self) -> float:
@@ -74,6 +78,7 @@ def tracks(plan: FleetPlan) -> dict[int, LegTrack]:
                 track.kind.append([int(kind) for kind in path.kind])
                 track.lane.append([int(lane) for lane in path.lane])
                 track.item.append(list(range(1, len(path.points_m))))
+                track.label.append([])
     return found
 
 
@@ -94,6 +99,7 @@ def _add_mission(track: LegTrack, mission: Mission, projection: pyproj.Proj) -> 
     track.kind.append([mission.kind[index] if described else transit for index, _ in legs])
     track.lane.append([mission.lane[index] if described else 0 for index, _ in legs])
     track.item.append([item.seq for _, item in legs])
+    track.label.append([line_label(mission, n) for n in range(1, len(mission.lines) + 1)])
 
 
 def polygons(geometry: shapely.Geometry) -> list[shapely.Polygon]:
@@ -266,9 +272,10 @@ def map_data(plan: FleetPlan) -> dict[str, Any]:
                         "kind": _runs(kind),
                         "lane": _runs(lane),
                         "item": _differences(item),
+                        "label": label,
                     }
-                    for points, kind, lane, item in zip(
-                        track.points_m, track.kind, track.lane, track.item, strict=True
+                    for points, kind, lane, item, label in zip(
+                        track.points_m, track.kind, track.lane, track.item, track.label, strict=True
                     )
                 ],
             }
