@@ -32,7 +32,7 @@ def check_folder(folder: Path, robots: int, overwrite: bool) -> None:
 
 
 def _is_result(name: str) -> bool:
-    fixed = {"report.json", "tours.geojson", "tours.kml", "map.html", "area.geojson"}
+    fixed = {"report.json", "tours.geojson", "tours.kml", "lines.csv", "map.html", "area.geojson"}
     return name in fixed or _OWN.fullmatch(name) is not None
 
 
@@ -44,6 +44,7 @@ def write_results(plan: FleetPlan, folder: Path, overwrite: bool) -> list[Path]:
     """
     from mrmission.mission.geojson import tours_geojson
     from mrmission.mission.kml import tours_kml
+    from mrmission.mission.lines_csv import lines_csv
     from mrmission.mission.qgc_plan import plan_text
     from mrmission.mission.wpl import waypoints_text
     from mrmission.report.map_page import map_html
@@ -57,6 +58,7 @@ def write_results(plan: FleetPlan, folder: Path, overwrite: bool) -> list[Path]:
     files["report.json"] = report_text(plan)
     files["tours.geojson"] = tours_geojson(plan.missions)
     files["tours.kml"] = tours_kml(plan.missions)
+    files["lines.csv"] = lines_csv(plan.report.lines)
     files["map.html"] = map_html(plan)
     if plan.area.image is not None:
         from mrmission.area.geojson import free_area_geojson

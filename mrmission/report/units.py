@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from mrmission.model import FleetReport
+from mrmission.model import FleetReport, TieReport
 
 UNKNOWN = "–"
 """Shown where a number is not known (NaN or infinite)."""
@@ -271,7 +271,29 @@ def fleet_figures(report: FleetReport) -> tuple[tuple[str, str], ...]:
         ("Unreached", unreached_text(report)),
         ("Lanes", f"{human_length_fine(report.lane_spacing_m)} apart, {report.angle_deg:g}°"),
     ]
+    if report.tie_lines is not None:
+        rows.append(("Tie lines", tie_text(report.tie_lines)))
     return tuple(rows)
+
+
+def tie_text(ties: TieReport) -> str:
+    """Return how many tie lines there are, and how many lanes they check.
+
+    Parameters
+    ----------
+    ties
+        The tie lines of a plan.
+
+    Returns
+    -------
+    str
+        The text.
+    """
+    share = ties.length_m / ties.lanes_m if ties.lanes_m > 0 else 0.0
+    return (
+        f"{ties.ties}, {human_length(ties.length_m)} ({share:.1%} of the other lines), "
+        f"{ties.crossings} crossings; {ties.lanes_crossed} of {ties.lanes} lanes are crossed"
+    )
 
 
 def human_length_fine(length_m: float) -> str:
