@@ -18,6 +18,8 @@ a larger water are not longer. The same argument bounds D over a cell of a grid 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import shapely
@@ -60,6 +62,104 @@ def reach_bound_m(
     float
         See the module for the proof.
     """
+    reach, area_m2 = _reach_of(region_m, homes_m, swath_m)
+    return _largest(reach, area_m2, swath_m * robots, missed_m2)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rover:
+    """What bounds how far one robot of a mixed fleet gets.
+
+    Attributes
+    ----------
+    swath_m, top_speed_m_s
+        Its footprint and its fastest speed.
+    trip_m
+        It is home after so many metres at the latest, and goes out again; may be infinite.
+    swap_s
+        At least so long between two trips.
+    """
+
+    swath_m: float
+    top_speed_m_s: float
+    trip_m: float = math.inf
+    swap_s: float = 0.0
+
+
+def fleet_reach_bound_s(
+    region_m: shapely.Polygon,
+    homes_m: FloatArray,
+    robots: Sequence[Rover],
+    missed_m2: float = 0.0,
+) -> float:
+    """Return a time after which the last of robots that differ is home at the earliest, seconds.
+
+    Proof. As in the module, with R the least D of all points within half the *widest* swath of x:
+    then R(x) is no larger than for a narrower one, and a piece of a robot of swath w beyond r
+    covers at most l·w of what has R(x) > r. A trip of length l of that robot covers at most
+    max(0, l - 2r)·w of it. In a time T a robot of speed v makes trips of lengths l_1, l_2, … of at
+    most `trip_m` each, with Σ l_j/v and the swaps between them at most T. The sum of
+    max(0, l_j - 2r) is convex in the lengths, so it is largest where all of them but one are 0 or
+    `trip_m`: as many full trips as T has room for, and one with what is left. Call that sum, times
+    w, the robot's c(T, r): it grows with T. No T will do for which Σ c(T, r) < A(r) for some r. ∎
+
+    Parameters
+    ----------
+    region_m
+        What is swept, and where boats go.
+    homes_m : (homes, 2) array
+        Where tours begin and end, each at one of them, in the region.
+    robots
+        What bounds each robot.
+    missed_m2
+        Area of the region that may stay uncovered.
+
+    Returns
+    -------
+    float
+        Infinite where no number of trips gets far enough.
+    """
+    reach_m, area_m2 = _reach_of(region_m, homes_m, max(robot.swath_m for robot in robots))
+    order = np.argsort(reach_m)[::-1]
+    r = reach_m[order]
+    beyond_m2 = np.cumsum(area_m2[order]) - missed_m2
+    counts = (r > 0) & (beyond_m2 > 0)
+    if not counts.any():
+        return 0.0
+    r, beyond_m2 = r[counts], beyond_m2[counts]
+    if all(robot.trip_m <= 2 * r.max() for robot in robots):
+        return math.inf
+
+    def holds(time_s: float) -> bool:
+        room_m2 = np.zeros(len(r))
+        for robot in robots:
+            room_m2 += robot.swath_m * _beyond_m(time_s, r, robot)
+        return bool(np.all(room_m2 >= beyond_m2))
+
+    high_s = 1.0
+    while not holds(high_s):
+        high_s *= 2.0
+    low_s = 0.0
+    for _ in range(60):
+        middle_s = (low_s + high_s) / 2
+        low_s, high_s = (low_s, middle_s) if holds(middle_s) else (middle_s, high_s)
+    return low_s
+
+
+def _beyond_m(time_s: float, r_m: FloatArray, robot: Rover) -> FloatArray:
+    """Return the longest way beyond each of (n,) distances that a robot goes in a time."""
+    if math.isinf(robot.trip_m):
+        return np.maximum(0.0, time_s * robot.top_speed_m_s - 2 * r_m)
+    each_s = robot.trip_m / robot.top_speed_m_s + robot.swap_s
+    full = math.floor((time_s + robot.swap_s) / each_s)
+    left_m = max(0.0, time_s - full * each_s) * robot.top_speed_m_s
+    return full * np.maximum(0.0, robot.trip_m - 2 * r_m) + np.maximum(0.0, left_m - 2 * r_m)
+
+
+def _reach_of(
+    region_m: shapely.Polygon, homes_m: FloatArray, swath_m: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return (n,) a lower bound of R in each of the region's cells, and their areas."""
     centre_m, area_m2, half_diagonal_m = _cells(region_m)
     slack_m = swath_m / 4
     # simplified within slack_m, so that widening by it holds the region again
@@ -72,7 +172,7 @@ def reach_bound_m(
     router = WaterRouter(widened)
     reach = router.distances(homes_m[source], centre_m).min(axis=0)
     reach -= half_diagonal_m + swath_m / 2 + radius_m
-    return _largest(reach, area_m2, swath_m * robots, missed_m2)
+    return reach, area_m2
 
 
 def _largest(reach_m: FloatArray, area_m2: FloatArray, width_m: float, missed_m2: float) -> float:
