@@ -13,9 +13,9 @@ from mrmission.errors import PlanningError
 from mrmission.mission.build import Route, export_route
 from mrmission.model import CoveragePath
 from mrmission.options import PlanOptions
+from mrmission.stages.turns import Turns
 from mrmission.tour.coverage import Uncovered
 from mrmission.tour.repair import fleet_legs, number_lanes, pieces_to_repair, repair, total_area
-from mrmission.tour.turnaround import with_turnarounds
 from mrmission.tour.work import PartPlan
 
 MAX_EXPORT_ROUNDS = 6
@@ -23,11 +23,12 @@ MAX_EXPORT_ROUNDS = 6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Coverage:
-    """What the routes of a part cover, m², measured on exported coordinates."""
+    """What the routes of a part cover, m², on exported coordinates; what to say of their turns."""
 
     covered_m2: float
     covered_by_survey_m2: float
     largest_missed_m2: float
+    notes: tuple[str, ...] = ()
 
 
 def export_part(part: PartPlan, frame: LocalFrame) -> tuple[list[Route], Coverage]:
@@ -41,14 +42,13 @@ def export_part(part: PartPlan, frame: LocalFrame) -> tuple[list[Route], Coverag
     work, options = part.work, part.work.options
     tolerance = leg_tolerance_m(options.swath_m)
     turn = work.sweep.frame
-    paths = part.tours.paths
     alone = options.lanes_alone_count
-    run_in_m, run_out_m = options.runs_m
-    # a copter may turn over the shore, a boat turns where there is water
-    limits = None if options.vehicle == "copter" else work.region_m
+    turns = Turns(work)
+    paths = turns.before_covering(part.tours.paths)
     for _ in range(MAX_EXPORT_ROUNDS):
-        paths = repair(paths, work.uncovered, turn, work.harbour, work.time, options.swath_m, alone)
-        turned = [with_turnarounds(p, run_in_m, limits, run_out_m) for p in paths]
+        whole = repair(paths, work.uncovered, turn, work.harbour, work.time, options.swath_m, alone)
+        paths = turns.after_covering(whole, paths)
+        turned = turns.for_export(paths)
         routes = [export_route(number_lanes(p), frame, tolerance) for p in turned]
         legs = fleet_legs([r.path for r in routes], turn, lanes_alone=alone)
         pieces = work.uncovered.remainder(legs)
@@ -64,6 +64,7 @@ def export_part(part: PartPlan, frame: LocalFrame) -> tuple[list[Route], Coverag
         covered_m2=work.region_m.area - total_area(pieces),
         covered_by_survey_m2=work.region_m.area - total_area(by_survey),
         largest_missed_m2=max((p.area for p in pieces), default=0.0),
+        notes=turns.notes(frame),
     )
 
 

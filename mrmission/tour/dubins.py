@@ -22,7 +22,7 @@ import numpy.typing as npt
 from mrmission.model import FloatArray, IntArray
 
 WORDS = ("LSL", "RSR", "LSR", "RSL", "RLR", "LRL")
-MAX_BEND_DEG = 45.0
+MAX_BEND_DEG = 60.0
 """No corner of a polyline about an arc is sharper."""
 _TURN = 2.0 * math.pi
 _NONE_RAD = 1e-7
@@ -152,6 +152,7 @@ def dubins_polylines(
     """
     start, goal = np.reshape(start, (-1, 3)), np.reshape(goal, (-1, 3))
     n = len(start)
+    pieces = _arcs_joined(word, pieces)
     at, heading = start[:, :2].copy(), start[:, 2].copy()
     out = [at[:, None]]
     for k in range(3):
@@ -182,3 +183,12 @@ def dubins_polylines(
         at = np.where(on_line[:, None], moved, on_arc)
     out.append(np.broadcast_to(goal[:, None, :2], (n, 1, 2)))
     return np.concatenate(out, axis=1)
+
+
+def _arcs_joined(word: IntArray, pieces: FloatArray) -> FloatArray:
+    """Return the pieces with two arcs to one side and nothing between them as one arc."""
+    same = (_SIDES[word, 0] == _SIDES[word, 2]) & (_SIDES[word, 1] == 0) & (pieces[:, 1] < 1e-9)
+    out = pieces.copy()
+    out[same, 0] += out[same, 2]
+    out[same, 2] = 0.0
+    return out

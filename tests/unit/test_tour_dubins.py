@@ -154,6 +154,18 @@ def test_polylines_have_headings_corners_and_legs_as_promised() -> None:
         assert way - 1e-6 <= length.sum() <= way * (math.tan(limit / 2) / (limit / 2)) + 1e-6
 
 
+def test_a_half_circle_has_few_corners() -> None:
+    start, goal = pose(np.zeros((1, 2)), 0.0), pose(np.array([[0.0, 16.0]]), math.pi)
+    pieces = dubins_words(start, goal, 8.0)
+    word = pieces.sum(axis=2).argmin(axis=1)
+    line = dubins_polylines(start, goal, word, pieces[[0], word], 8.0, bend_limit_rad(8.0, 1.0))[0]
+    corners = np.unique(line[1:-1], axis=0)
+    assert len(corners) == 4  # of 45 degrees, on the circle of the radius over cos 22.5
+    np.testing.assert_allclose(
+        np.hypot(*(corners - [0.0, 8.0]).T), 8.0 / math.cos(math.radians(22.5))
+    )
+
+
 def test_how_sharp_the_corners_of_an_arc_are() -> None:
     radius, tolerance = 20.0, 0.5
     limit = bend_limit_rad(radius, tolerance)
@@ -161,7 +173,7 @@ def test_how_sharp_the_corners_of_an_arc_are() -> None:
     # legs of a minimal length where the tolerance would make them shorter
     longer = bend_limit_rad(radius, 0.01, shortest_m=4.0)
     assert 2 * radius * math.tan(longer / 2) == pytest.approx(4.0)
-    assert bend_limit_rad(1.0, 5.0) == pytest.approx(math.radians(45))
+    assert bend_limit_rad(1.0, 5.0) == pytest.approx(math.radians(60))
 
 
 def test_poses_of_points() -> None:
