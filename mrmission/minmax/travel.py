@@ -34,6 +34,14 @@ CLUSTERS = 2000
 """At most so many clusters share the ends."""
 _BENDS = 5
 
+Price: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+"""``(out, hook_s, table, rest)``: what makes seconds of metres.
+
+out: (2n, 2) unit vectors out of the lines, 0 where there is none; hook_s: (2n,) what the hooks of
+an end add; table: seconds of a corner by the cosine of its turn, from -1 to 1; rest: seconds of a
+mean corner, seconds per metre, and how many times the straight line a way counts as bent.
+"""
+
 Arrays: TypeAlias = tuple[FloatArray, Int, Long, Int, Float, Float]
 """``(end, cluster, start, other, length_m, bend)``.
 
@@ -304,42 +312,98 @@ def _by_common(start: Long, other: Int, length_m: Float, e: int, f: int) -> floa
 
 
 @njit(cache=True, error_model="numpy")
-def travel_m(arrays: Arrays, e: int, f: int) -> float:
-    """Return the length of the way between two ends: exact when near, else a close estimate.
-
-    Never below the straight line, and the same both ways.
-    """
+def find_way(arrays: Arrays, e: int, f: int) -> tuple[int, float]:
+    """Return the place of the pair ``e < f`` in the table, or -1 and an estimate of its length."""
     end, cluster, start, other, length_m, bend = arrays
-    if e > f:
-        e, f = f, e
     straight = math.hypot(end[f, 0] - end[e, 0], end[f, 1] - end[e, 1])
     floor = straight
     if straight <= end[e, 3]:
         k = _listed(start, other, e, f)
         if k >= 0:
-            return float(length_m[k])
+            return k, float(length_m[k])
         floor = end[e, 3]  # all within reach are listed
     if straight <= end[f, 3]:
         k = _listed(start, other, f, e)
         if k >= 0:
-            return float(length_m[k])
+            return k, float(length_m[k])
         floor = max(floor, end[f, 3])
     by_common = math.inf
     if straight <= end[e, 3] + end[f, 3]:
         by_common = _by_common(start, other, length_m, e, f)
     a, b = cluster[e], cluster[f]
     if a == b:
-        return max(floor, min(by_common, end[e, 2] + end[f, 2]))
+        return -1, max(floor, min(by_common, end[e, 2] + end[f, 2]))
     if a < b:
         a, b = b, a
         e, f = f, e
     row = a * (a - 1) // 2 + b
     if bend[row, 4] < 0.0:
         # Their middles see each other; these two don't where the floor tells so.
-        return max(floor, by_common) if floor > straight and by_common < math.inf else floor
+        if floor > straight and by_common < math.inf:
+            return -1, max(floor, by_common)
+        return -1, floor
     way = (
         math.hypot(bend[row, 0] - end[e, 0], bend[row, 1] - end[e, 1])
         + bend[row, 4]
         + math.hypot(bend[row, 2] - end[f, 0], bend[row, 3] - end[f, 1])
     )
-    return max(floor, min(by_common, way))
+    return -1, max(floor, min(by_common, way))
+
+
+@njit(cache=True, error_model="numpy")
+def travel_m(arrays: Arrays, e: int, f: int) -> float:
+    """Return the length of the way between two ends: exact when near, else a close estimate.
+
+    Never below the straight line, and the same both ways.
+    """
+    return find_way(arrays, min(e, f), max(e, f))[1]
+
+
+@njit(cache=True, error_model="numpy")
+def price_way(
+    price: Price, metres: float, straight: float, e: int, f: int, x: float, y: float
+) -> float:
+    """Return the seconds of a way of known length from end e to f that lies off by (x, y)."""
+    out, hook_s, table, rest = price
+    mean, s_per_m, bent = rest[0], rest[1], rest[2]
+    corner = 2.0 * mean
+    if straight > 0.0 and metres <= bent * straight:
+        top = len(table) - 1
+        corner = 0.0
+        for turn in range(2):
+            end, sign = (e, 1.0) if turn == 0 else (f, -1.0)
+            if out[end, 0] != 0.0 or out[end, 1] != 0.0:
+                ahead = sign * (out[end, 0] * x + out[end, 1] * y) / straight
+                corner += table[round((ahead + 1.0) * 0.5 * top)]
+            else:
+                corner += mean
+    return max(0.0, metres * s_per_m + corner + hook_s[e] + hook_s[f])
+
+
+@njit(cache=True, error_model="numpy")
+def travel_s(arrays: Arrays, second_s: Float, price: Price, e: int, f: int) -> float:
+    """Return the seconds of the way between two ends, its corners and hooks, see `travel_m`."""
+    if e > f:
+        e, f = f, e
+    k, metres = find_way(arrays, e, f)
+    if k >= 0:
+        return float(second_s[k])
+    end = arrays[0]
+    x, y = end[f, 0] - end[e, 0], end[f, 1] - end[e, 1]
+    return price_way(price, metres, math.hypot(x, y), e, f, x, y)
+
+
+@njit(cache=True, error_model="numpy")
+def price_table(arrays: Arrays, price: Price) -> Float:
+    """Return the seconds of all ways in the table, as `travel_s` takes them."""
+    end, _, start, other, length_m, _ = arrays
+    out = np.empty(len(other), np.float32)
+    for i in range(len(end)):
+        for k in range(start[i], start[i + 1]):
+            e, f = min(i, other[k]), max(i, other[k])
+            x, y = end[f, 0] - end[e, 0], end[f, 1] - end[e, 1]
+            # The length of the pair as it stands in the row of the smaller end, if it does.
+            j = _listed(start, other, e, f)
+            metres = float(length_m[j if j >= 0 else k])
+            out[k] = price_way(price, metres, math.hypot(x, y), e, f, x, y)
+    return out
