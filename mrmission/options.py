@@ -20,7 +20,6 @@ MIN_ALTITUDE_M, MAX_ALTITUDE_M = 2.0, 1000.0
 MAX_TURNAROUND_M = 500.0
 MAX_SHORE_LAPS = 50
 MAX_TURN_RADIUS_M = 200.0
-MAX_TURN_RADIUS_M = 200.0
 MIN_LANE_OVERLAP_M = 0.02
 """Lanes lie at least this much closer than the swath, so that rounding opens no gap."""
 
@@ -93,7 +92,6 @@ class PlanOptions:
     turnaround_m: float = 0.0
     steering: str = "steered"
     wp_radius_m: float = 1.0
-    turn_radius_m: float = 0.0
     turn_radius_m: float = 0.0
     time_table: TimeTable | None = None
     berth_spacing_m: float = 15.0
@@ -184,18 +182,6 @@ class PlanOptions:
             math.isfinite(self.wp_radius_m) and 0 < self.wp_radius_m <= 100,
             "--wp-radius", self.wp_radius_m, "above 0 and at most 100 m",
         )  # fmt: skip
-        check(
-            math.isfinite(self.turn_radius_m) and 0 <= self.turn_radius_m <= MAX_TURN_RADIUS_M,
-            "--turn-radius",
-            self.turn_radius_m,
-            f"between 0 (turns on the spot) and {MAX_TURN_RADIUS_M:g} m",
-        )
-        check(
-            self.turn_radius_m == 0 or self.vehicle != "copter",
-            "--turn-radius",
-            self.turn_radius_m,
-            "0 with --vehicle copter: it turns on the spot",
-        )
         check(
             math.isfinite(self.turn_radius_m) and 0 <= self.turn_radius_m <= MAX_TURN_RADIUS_M,
             "--turn-radius",

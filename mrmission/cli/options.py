@@ -167,14 +167,6 @@ _PLAN = [
         help="Least radius of a turn, m; 0: turns on the spot.",
     ),
     click.option(
-        "--turn-radius",
-        "turn_radius_m",
-        type=float,
-        default=DEFAULT.turn_radius_m,
-        show_default=True,
-        help="Least radius of a turn, m; 0: turns on the spot.",
-    ),
-    click.option(
         "--time-model",
         type=click.Path(path_type=Path),
         metavar="FILE",
