@@ -86,6 +86,7 @@ def finish(survey: Survey, parts: Sequence[PartPlan], notes: list[str]) -> Fleet
     work = _Work(missions={}, rows={}, paths={}, straight_ways={}, home_m={})
     exported = [export_part(part, survey.frame) for part in parts]
     coverage = [covered for _, covered in exported]
+    notes.extend(note for c in coverage for note in c.notes)
     routes = {
         robot: route
         for part, (ways, _) in zip(parts, exported, strict=True)
