@@ -1,0 +1,103 @@
+"""The lane planner of a part: its seconds are those of the paths, and what it leaves is little."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+from lakes import random_lake_m
+
+from mrmission.minmax import planner
+from mrmission.minmax.costs import line_costs
+from mrmission.minmax.hooks import find_hooks
+from mrmission.minmax.search import minmax, tour_cost
+from mrmission.options import PlanOptions
+from mrmission.routing.harbour import Harbour
+from mrmission.tour.coverage import Uncovered
+from mrmission.tour.flight import time_model
+from mrmission.tour.lines import lane_lines
+from mrmission.tour.repair import fleet_legs, pieces_to_repair, total_area
+from mrmission.tour.sweep import sweep_region
+from mrmission.tour.work import PartWork
+
+
+def _work(seed: int, robots: int = 3, **options: object) -> PartWork:
+    rng = np.random.default_rng(seed)
+    lake = random_lake_m(rng, 900.0, 2)
+    asked = PlanOptions(
+        robots=robots, swath_m=25.0, overlap=0.0, clearance_m=0.0, method="minmax",
+        time_budget_s=0.1, seed=seed, **options,
+    )  # fmt: skip
+    sweep = sweep_region(lake, float(rng.uniform(0, 180)), 24.9)
+    inner = shapely.get_coordinates(lake.representative_point())[0]
+    homes = inner + 6.0 * np.arange(robots)[:, None] * [1.0, 0.0]
+    return PartWork(
+        region_m=lake, robots=tuple(range(1, robots + 1)), homes_m=homes, sweep=sweep,
+        lines=lane_lines(sweep), harbour=Harbour(lake, homes),
+        uncovered=Uncovered(sweep.region, sweep.column_pitch_m, 12.5),
+        times=(time_model(asked),) * robots, options=asked,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("steering", ["steered", "pivoting"])
+def test_the_search_predicts_the_seconds_of_the_paths(seed: int, steering: str) -> None:
+    work = _work(seed, steering=steering)
+    hooks, extra = find_hooks(work)
+    lines = work.lines + extra
+    costs = line_costs(lines, hooks, work.harbour, work.homes_m, work.times, lanes_alone=False)
+    tours = minmax(costs.problem, 0.1, seed)
+    paths = planner.tour_paths(work.harbour, lines, hooks, tours.entries, lanes_alone=False)
+    for robot, path in enumerate(paths):
+        told = tour_cost(costs.problem, robot, tours.entries[robot])
+        assert told == pytest.approx(work.time.duration_s(path.points_m, path.kind), rel=0.01)
+        least = tour_cost(costs.least, robot, tours.entries[robot])
+        assert least <= work.time.duration_s(path.points_m, path.kind) * 1.001
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_costs_are_symmetric_and_none_is_negative(seed: int) -> None:
+    work = _work(seed)
+    hooks, extra = find_hooks(work)
+    costs = line_costs(
+        work.lines + extra, hooks, work.harbour, work.homes_m, work.times, lanes_alone=False
+    )
+    for problem in (costs.problem, costs.least):
+        assert np.array_equal(problem.end_cost, problem.end_cost.T)
+        assert problem.end_cost.min() >= 0
+        assert problem.home_cost.min() >= 0
+    assert (costs.least.end_cost <= costs.problem.end_cost + 1e-9).all()
+    assert (costs.least.home_cost <= costs.problem.home_cost + 1e-9).all()
+    assert costs.problem.home_cost.shape == (3, 2 * len(work.lines + extra))
+
+
+@pytest.mark.parametrize("alone", [False, True])
+@pytest.mark.parametrize("seed", range(3))
+def test_little_is_left_for_repair_and_nobody_leaves_the_water(seed: int, alone: bool) -> None:
+    work = _work(seed, **({"trigger_distance_m": 10.0} if alone else {}))
+    assert work.options.lanes_alone_count is alone
+    tours = planner.lane_tours(work)
+    before = work.uncovered.remainder(
+        work.sweep.frame.to_sweep(np.array([line.points_m for line in work.lines]))
+    )
+    legs = fleet_legs(tours.paths, work.sweep.frame, lanes_alone=alone)
+    after = work.uncovered.remainder(legs)
+    todo = pieces_to_repair(before, 25.0, work.region_m.area)
+    left = pieces_to_repair(after, 25.0, work.region_m.area)
+    assert total_area(left) < 0.05 * total_area(todo)
+    wet = shapely.buffer(work.region_m, 0.01)
+    for path, home in zip(tours.paths, work.homes_m, strict=True):
+        assert wet.covers(shapely.LineString(path.points_m))
+        assert np.array_equal(path.points_m[0], home)
+        assert np.array_equal(path.points_m[-1], home)
+
+
+def test_every_line_is_swept_once() -> None:
+    work = _work(7, robots=2)
+    paths = planner.lane_tours(work).paths
+    swept = sum(
+        float(np.hypot(*np.diff(p.points_m, axis=0).T)[np.asarray(p.lane) > 0].sum()) for p in paths
+    )
+    _, extra = find_hooks(work)
+    wanted = sum(line.length_m for line in work.lines + extra)
+    assert swept == pytest.approx(wanted, abs=0.01)
