@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import combinations, permutations
+from itertools import combinations, permutations, product
 
 import numpy as np
 import numpy.typing as npt
@@ -26,9 +26,10 @@ MOST_STEPS = 360
 """Steps of the longest start delay; a step is a whole number of seconds."""
 MOST_TABLE = 16_000_000
 """Entries of all tables together; with very many robots the steps become longer."""
-ALL_ORDERS = 4
-"""Up to so many robots every order is tried, else :data:`SOME_ORDERS`."""
-SOME_ORDERS = 12
+ALL_STARTS = 4
+"""Up to so many robots every order and every choice of ways is tried first, else
+:data:`SOME_STARTS`."""
+SOME_STARTS = 12
 MOST_ROUNDS = 40
 LEAST_GRAVITY = 0.05
 """What a meeting weighs at the very distance to be kept."""
@@ -124,11 +125,11 @@ def best_launch(
     strict = meetings + np.float32(CONFLICT) * hit
     for table in (strict, meetings):
         best: tuple[float, IntArray, IntArray] | None = None
-        for order in _orders(busy, duration[:, 0]):
+        for order, given in _starts(busy, some, duration[:, 0]):
             way = np.zeros(count, dtype=np.int64)
             delay = np.zeros(count, dtype=np.int64)
             value = _settle(
-                np.array(order), pair_of, table, some, duration, way, delay,
+                order, given, pair_of, table, some, duration, way, delay,
                 step_s, longest_s, max(worth_s, 1e-3), MOST_ROUNDS,
             )  # fmt: skip
             if best is None or value < best[0] - 1e-9:
@@ -144,16 +145,25 @@ def best_launch(
     )
 
 
-def _orders(busy: Sequence[int], duration_s: FloatArray) -> Iterator[tuple[int, ...]]:
-    """Yield the orders in which robots choose: the longest tour first, then others."""
+def _starts(
+    busy: Sequence[int], some: IntArray, duration_s: FloatArray
+) -> Iterator[tuple[IntArray, IntArray]]:
+    """Yield orders in which robots choose, and the ways (k,) they first take; -1: their choice."""
     first = sorted(busy, key=lambda r: (-duration_s[r], r))
-    if len(first) <= ALL_ORDERS:
-        yield from permutations(first)
+    if len(first) <= ALL_STARTS:
+        for ways in product(*(range(some[r]) for r in first)):
+            given = np.full(len(some), -1, dtype=np.int64)
+            given[first] = ways
+            for order in permutations(first):
+                yield np.array(order, dtype=np.int64), given
         return
-    yield tuple(first)
+    own_choice = np.full(len(some), -1, dtype=np.int64)
+    yield np.array(first, dtype=np.int64), own_choice
     rng = np.random.default_rng(len(first))
-    for _ in range(SOME_ORDERS - 1):
-        yield tuple(rng.permutation(first).tolist())
+    for number in range(1, SOME_STARTS):
+        mixed = rng.permutation(np.array(first, dtype=np.int64))
+        given = rng.integers(0, np.maximum(some, 1))
+        yield mixed, given if number % 2 else own_choice
 
 
 def _tables(
@@ -253,8 +263,13 @@ def _add_rows(rows, steps, step_s, reach, hit, value):  # type: ignore[no-untype
 
 
 @njit(cache=True, error_model="numpy")
-def _respond(r, placed, pair_of, table, some, duration, way, delay, step_s, longest, worth, cost):  # type: ignore[no-untyped-def]
-    """Give robot `r` its best way and delay against those placed; return whether that changed."""
+def _respond(  # type: ignore[no-untyped-def]
+    r, given, placed, pair_of, table, some, duration, way, delay, step_s, longest, worth, cost
+):
+    """Give robot `r` its best way and delay against those placed; return whether that changed.
+
+    ``given[r]`` is the way it must take, -1: any.
+    """
     steps = table.shape[3] // 2
     end = longest
     for j in range(len(placed)):
@@ -281,6 +296,8 @@ def _respond(r, placed, pair_of, table, some, duration, way, delay, step_s, long
     best_v, best_d = way[r], delay[r]
     best = cost[best_v, best_d] - 1e-12 if placed[r] else np.inf
     for v in range(some[r]):
+        if given[r] >= 0 and v != given[r]:
+            continue
         for d in range(steps + 1):
             if cost[v, d] < best:
                 best, best_v, best_d = cost[v, d], v, d
@@ -290,22 +307,27 @@ def _respond(r, placed, pair_of, table, some, duration, way, delay, step_s, long
 
 
 @njit(cache=True, error_model="numpy")
-def _settle(order, pair_of, table, some, duration, way, delay, step_s, longest, worth, rounds):  # type: ignore[no-untyped-def]
+def _settle(  # type: ignore[no-untyped-def]
+    order, given, pair_of, table, some, duration, way, delay, step_s, longest, worth, rounds
+):
     """Choose ways and delays in place, in an order, until nobody gains; return their cost."""
     count, steps = len(some), table.shape[3] // 2
     placed = np.zeros(count, np.bool_)
     cost = np.zeros((duration.shape[1], steps + 1))
+    none = np.full(count, -1)
     for r in order:
         _respond(
-            r, placed, pair_of, table, some, duration, way, delay, step_s, longest, worth, cost
-        )
+            r, given, placed, pair_of, table, some, duration, way, delay, step_s, longest, worth,
+            cost,
+        )  # fmt: skip
         placed[r] = True
     for _ in range(rounds):
         changed = False
         for r in order:
             if _respond(
-                r, placed, pair_of, table, some, duration, way, delay, step_s, longest, worth, cost
-            ):
+                r, none, placed, pair_of, table, some, duration, way, delay, step_s, longest,
+                worth, cost,
+            ):  # fmt: skip
                 changed = True
         if not changed:
             break
