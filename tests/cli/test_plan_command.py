@@ -15,7 +15,7 @@ from lakes import area_of, geojson_of, random_lake_m
 
 from mrmission.cli.main import COMMANDS, run
 
-FILES = ["map.html", "report.json", "tours.geojson", "tours.kml"]
+FILES = ["lines.csv", "map.html", "report.json", "tours.geojson", "tours.kml"]
 
 
 @pytest.fixture

@@ -56,6 +56,7 @@ def test_geojson() -> None:
     }
     assert first["properties"] == {
         "robot": 1, "sortie": 1, "kind": "survey", "lane": 1, "from_item": 3, "to_item": 5,
+        "line": None, "line_kind": None,
     }  # fmt: skip
     assert json.loads(tours_geojson([])) == {"type": "FeatureCollection", "features": []}
 
