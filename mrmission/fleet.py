@@ -355,7 +355,7 @@ def swath_note(robots: Sequence[Robot]) -> str | None:
     lane beside the lane of a narrower robot must lie within that one's reach, so the narrowest
     swath spaces them all.
     """
-    narrow = min(robot.swath_m for robot in robots)
+    narrow = min((robot.swath_m for robot in robots), default=0.0)
     wider = [i for i, robot in enumerate(robots, start=1) if robot.swath_m > narrow]
     if not wider:
         return None

@@ -177,6 +177,8 @@ class CoveragePath:
     points_m: FloatArray
     kind: npt.NDArray[np.int8]
     lane: IntArray
+    sortie: int = 1
+    """Which of the robot's trips this is, from 1."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -273,8 +275,33 @@ class Mission:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class SortieReport:
+    """One trip of a robot, from home to home.
+
+    ``endurance_used`` is the share of the endurance, reserve included, that it takes; None for a
+    robot whose endurance is not given. ``start_s`` is when it begins, after the robot's start.
+    """
+
+    sortie: int
+    length_m: float
+    survey_m: float
+    transit_m: float
+    duration_s: float
+    items: int
+    lanes: int
+    fence_points: int
+    fence_land_m2: float
+    start_s: float = 0.0
+    endurance_used: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class RobotReport:
-    """One row of the table."""
+    """One row of the table: all trips of a robot together.
+
+    ``duration_s`` ends with the last trip and counts the time between trips; ``items`` and
+    ``lanes`` are those of all trips, ``fence_points`` and ``fence_land_m2`` the largest of one.
+    """
 
     robot: int
     start_lonlat: tuple[float, float]
@@ -288,6 +315,9 @@ class RobotReport:
     fence_land_m2: float
     start_delay_s: float = 0.0
     """Seconds after the fleet's start at which the robot starts, to keep clear of the others."""
+    name: str = ""
+    """What people call it, where a fleet file says so."""
+    sorties: tuple[SortieReport, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -361,7 +391,12 @@ class SeparationReport:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FleetReport:
-    """Every number of the table; ``report.json`` is this, field by field."""
+    """Every number of the table; ``report.json`` is this, field by field.
+
+    ``lower_bound_s`` holds for any plan whatever, ``lanes_bound_s`` for all plans that sweep the
+    chosen lines (None where the planner knows none); the names say which term of each is the
+    largest, the gaps are makespan over bound, minus 1.
+    """
 
     robots: tuple[RobotReport, ...]
     method: str
@@ -388,6 +423,9 @@ class FleetReport:
     versions: Mapping[str, str]
     seed: int
     failsafe: FailsafeReport = FailsafeReport()
+    lanes_bound_s: float | None = None
+    lanes_bound_name: str = ""
+    lanes_gap: float | None = None
     lines: tuple[LineReport, ...] = ()
     tie_lines: TieReport | None = None
     separation: SeparationReport = SeparationReport()

@@ -76,7 +76,7 @@ def plan(
         water_m=water,
         unreached_m=tuple(unreached),
         options=options,
-        times=(time_model(options),) * options.robots,
+        times=tuple(time_model(options.of_robot(r)) for r in range(1, options.robots + 1)),
         assumed=dict(assumed or {}),
     )
     on_stage("planning")

@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 from mrmission.errors import ConfigError
-from mrmission.mission.files import write_whole
+from mrmission.mission.files import mission_names, write_whole
 from mrmission.model import FleetPlan
 
 _OWN = re.compile(r"robot-\d+(-sortie-\d+)?\.(plan|waypoints)")
@@ -51,10 +51,10 @@ def write_results(plan: FleetPlan, folder: Path, overwrite: bool) -> list[Path]:
     from mrmission.report.metrics import report_text
 
     files: dict[str, str] = {}
-    for mission in plan.missions:
+    for name, mission in zip(mission_names(plan.missions), plan.missions, strict=True):
         home = plan.report.robots[mission.robot - 1].start_lonlat
-        files[f"robot-{mission.robot}.plan"] = plan_text(mission, home)
-        files[f"robot-{mission.robot}.waypoints"] = waypoints_text(mission)
+        files[f"{name}.plan"] = plan_text(mission, home)
+        files[f"{name}.waypoints"] = waypoints_text(mission)
     files["report.json"] = report_text(plan)
     files["tours.geojson"] = tours_geojson(plan.missions)
     files["tours.kml"] = tours_kml(plan.missions)

@@ -94,10 +94,11 @@ def check_same_plan(folder: Path, result: FleetPlan) -> None:
     ConfigError
         Naming the first file that differs.
     """
+    from mrmission.mission.files import mission_names
     from mrmission.mission.qgc_plan import plan_text
 
-    for mission in result.missions:
-        path = folder / f"robot-{mission.robot}.plan"
+    for name, mission in zip(mission_names(result.missions), result.missions, strict=True):
+        path = folder / f"{name}.plan"
         home = result.report.robots[mission.robot - 1].start_lonlat
         if not path.is_file() or path.read_text(encoding="utf-8") != plan_text(mission, home):
             raise ConfigError(

@@ -31,6 +31,8 @@ MOST_PIECES = 256
 """A stretch is cut into no more pieces than this."""
 FINER = 3
 """A stretch that must be cut is cut into so many times the pieces that it needs."""
+FEW_STRETCHES, GRAIN = 8, 0.1
+"""With fewer stretches than this for each trip, pieces of this share of a trip are tried."""
 _BISECTIONS = 14
 
 
@@ -130,6 +132,15 @@ def stretches_of(path: CoveragePath) -> Stretches:
     )
 
 
+def _joined(whole: Stretches, pieces: Sequence[Sequence[FloatArray]]) -> Stretches:
+    """Return stretches with the pieces of each in its place; pieces meet where they were cut."""
+    ways: list[FloatArray] = []
+    for i, mine in enumerate(pieces):
+        ways += whole.ways_m[i - 1 : i] if i else ()
+        ways += [piece[:1] for piece in mine[1:]]
+    return Stretches(lines_m=tuple(p for mine in pieces for p in mine), ways_m=tuple(ways))
+
+
 def cut_line(line_m: FloatArray, pieces: int) -> list[FloatArray]:
     """Cut an (m, 2) polyline into pieces of equal length.
 
@@ -227,19 +238,22 @@ class TripCutter:
         """Return what the largest stretch uses on a trip of its own."""
         return max((self.used(i, i + 1) for i in range(len(self))), default=0.0)
 
+    def _ground(self, whole: Stretches) -> Stretches:
+        """Cut all long stretches into pieces of about `GRAIN` of a trip."""
+        alone = [self.used(i, i + 1) for i in range(len(whole))]
+        pieces = [
+            cut_line(line, max(1, math.ceil(share / (GRAIN * self.allowed))))
+            for line, share in zip(whole.lines_m, alone, strict=True)
+        ]
+        return _joined(whole, pieces)
+
     def _fitting(self, whole: Stretches) -> Stretches:
         """Cut the stretches that no trip holds."""
-        lines: list[FloatArray] = []
-        ways: list[FloatArray] = []
-        for i, line in enumerate(whole.lines_m):
-            pieces = [line] if self.used(i, i + 1) <= self.allowed else self._pieces(line)
-            if lines:
-                ways.append(whole.ways_m[i - 1])
-            lines.append(pieces[0])
-            for piece in pieces[1:]:
-                ways.append(piece[:1])  # where it was cut
-                lines.append(piece)
-        return Stretches(lines_m=tuple(lines), ways_m=tuple(ways))
+        pieces = [
+            [line] if self.used(i, i + 1) <= self.allowed else self._pieces(line)
+            for i, line in enumerate(whole.lines_m)
+        ]
+        return _joined(whole, pieces)
 
     def _pieces(self, line_m: FloatArray) -> list[FloatArray]:
         count = 2
@@ -319,10 +333,22 @@ class TripCutter:
         return best
 
     def trips(self) -> list[CoveragePath]:
-        """Return the fewest trips, balanced; one without work is the path itself."""
+        """Return the fewest trips, balanced; one without work is the path itself.
+
+        Where stretches are so long that whole ones leave trips half empty, they are cut if that
+        saves a trip.
+        """
         if not len(self):
             return [self._path]
         borders = self.balanced()
+        if len(borders) > 2 and len(self) < FEW_STRETCHES * (len(borders) - 1):
+            whole = Stretches(lines_m=tuple(self._lines), ways_m=tuple(self._ways))
+            self._set(self._ground(whole))
+            finer = self.fewest()
+            if finer is not None and len(finer) < len(borders):
+                borders = self.balanced()
+            else:
+                self._set(whole)
         return [self.trip(a, b) for a, b in pairwise(borders)]
 
 

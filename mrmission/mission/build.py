@@ -68,6 +68,10 @@ def _airspace(
     return shapely.union(water_m, launch)
 
 
+def _who(robot: int, sortie: int) -> str:
+    return f"robot {robot}" + (f", sortie {sortie}" if sortie > 1 else "")
+
+
 def build_mission(
     route: Route,
     robot: int,
@@ -75,8 +79,9 @@ def build_mission(
     water_m: shapely.MultiPolygon,
     frame: LocalFrame,
     options: PlanOptions,
+    sortie: int = 1,
 ) -> BuiltMission:
-    """Return what robot `robot` gets for its route.
+    """Return what robot `robot` gets for its route, the trip number `sortie` of it.
 
     Raises
     ------
@@ -107,14 +112,14 @@ def build_mission(
                 frame=frame,
             )  # fmt: skip
         except InfeasibleError as error:
-            raise InfeasibleError(f"robot {robot}: {error}") from error
+            raise InfeasibleError(f"{_who(robot, sortie)}: {error}") from error
         fence = fit.polygons
         land_m2 = fit.land_m2
-        notes = [f"robot {robot}: {note}" for note in fit.notes]
+        notes = [f"{_who(robot, sortie)}: {note}" for note in fit.notes]
     return BuiltMission(
         mission=Mission(
             robot=robot,
-            sortie=1,
+            sortie=sortie,
             vehicle=options.vehicle,
             items=items,
             fence=fence,

@@ -6,9 +6,12 @@ import contextlib
 import os
 import re
 import tempfile
+from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 
 from mrmission.errors import ConfigError
+from mrmission.model import Mission
 
 _PLAN_FILE = re.compile(r"robot-(\d+)(?:-sortie-(\d+))?\.plan")
 
@@ -17,6 +20,23 @@ def plan_files(folder: Path) -> list[tuple[int, int, Path]]:
     """Return robot, sortie and path of a folder's ``robot-*.plan`` files, by robot and sortie."""
     found = [(_PLAN_FILE.fullmatch(path.name), path) for path in folder.iterdir()]
     return sorted((int(m[1]), int(m[2] or 1), path) for m, path in found if m is not None)
+
+
+def mission_names(missions: Sequence[Mission]) -> list[str]:
+    """Return the file name of each mission, without suffix.
+
+    ``robot-2`` where a robot goes out once, ``robot-2-sortie-1`` and so on where it goes out more
+    often.
+
+    Parameters
+    ----------
+    missions
+        All of a plan, one for each robot and sortie.
+    """
+    trips = Counter(mission.robot for mission in missions)
+    return [
+        f"robot-{m.robot}" + (f"-sortie-{m.sortie}" if trips[m.robot] > 1 else "") for m in missions
+    ]
 
 
 def write_whole(path: str | os.PathLike[str], data: bytes | str, overwrite: bool = False) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 import shapely
 
 from mrmission.area.frame import LocalFrame
+from mrmission.fleet import swath_note
 from mrmission.mission.build import LAUNCH_RADIUS_M, Route, build_mission
 from mrmission.mission.failsafe import (
     StraightWays,
@@ -27,11 +28,13 @@ from mrmission.model import (
     SurveyArea,
 )
 from mrmission.options import PlanOptions
-from mrmission.partition.bound import area_bound_s
-from mrmission.stages.export import Coverage, covered_beyond_m2, export_part
-from mrmission.stages.launch import launch, launch_notes
+from mrmission.stages.bounds import any_plan_bound, chosen_lanes_bound
+from mrmission.stages.export import Coverage, covered_beyond_m2
+from mrmission.stages.launch import launch, launch_notes, waiting
 from mrmission.stages.lines import lanes_of, tie_report, with_lines
-from mrmission.stages.rows import capacity_notes, idle_notes, robot_row, swing_notes, versions
+from mrmission.stages.part import PLANNERS
+from mrmission.stages.rows import idle_notes, robot_row, sortie_notes, swing_notes, versions
+from mrmission.stages.sorties import export_in_sorties, joined, parted
 from mrmission.tour.repair import total_area
 from mrmission.tour.timing import TimeModel
 from mrmission.tour.work import PartPlan
@@ -66,11 +69,11 @@ class Survey:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Work:
-    """What every robot of the fleet does, by its number."""
+    """What every robot of the fleet does, by its number; trips by robot and sortie."""
 
-    missions: dict[int, Mission]
+    missions: dict[tuple[int, int], Mission]
     rows: dict[int, RobotReport]
-    paths: dict[int, CoveragePath]
+    paths: dict[tuple[int, int], CoveragePath]
     straight_ways: dict[int, StraightWays]
     home_m: dict[int, np.ndarray]
 
@@ -84,33 +87,46 @@ def finish(survey: Survey, parts: Sequence[PartPlan], notes: list[str]) -> Fleet
         When something stays uncovered, or a fence cannot hold a route.
     """
     work = _Work(missions={}, rows={}, paths={}, straight_ways={}, home_m={})
-    exported = [export_part(part, survey.frame) for part in parts]
-    coverage = [covered for _, covered in exported]
+    exported = [
+        export_in_sorties(part, survey.frame, PLANNERS.get(part.tours.method)) for part in parts
+    ]
+    coverage = [covered for _, _, covered in exported]
     notes.extend(note for c in coverage for note in c.notes)
-    routes = {
-        robot: route
-        for part, (ways, _) in zip(parts, exported, strict=True)
-        for robot, route in zip(part.work.robots, ways, strict=True)
-    }
+    trips: dict[int, list[Route]] = {}
+    for in_trips, ways, _ in exported:
+        for robot, route in zip(in_trips.work.robots, ways, strict=True):
+            trips.setdefault(robot, []).append(route)
+    routes = {robot: joined(mine) for robot, mine in trips.items()}
     for part in parts:
         work.home_m.update(zip(part.work.robots, part.work.homes_m, strict=True))
     routes, delays_s, separation = launch(
         routes, work.home_m, survey.times, survey.options, survey.frame
     )
     for robot in sorted(routes):
-        _build(robot, routes[robot], delays_s[robot], survey, work, notes)
+        turned = robot in separation.turned
+        mine = parted(routes[robot], [len(trip.lonlat) - 1 for trip in trips[robot]], turned)
+        _build(robot, mine, delays_s[robot], survey, work, notes)
+        if survey.options.vehicle != "copter":
+            whole, home = routes[robot].path.points_m, work.home_m[robot]
+            work.straight_ways[robot] = straight_ways(whole, home, survey.water_m)
     _enter_lines(parts, survey, work)
+    if survey.options.wait_in_mission:
+        for robot, delay_s in delays_s.items():
+            work.missions[robot, 1] = waiting(work.missions[robot, 1], delay_s)
     failsafe = failsafe_report(work.straight_ways, survey.frame)
     notes.extend(failsafe_notes(failsafe))
-    notes.extend(launch_notes(work.rows, separation))
-    notes.extend(swing_notes(work.paths, survey.options, survey.times))
+    notes.extend(launch_notes(work.rows, separation, survey.options.wait_in_mission))
+    notes.extend(swing_notes({r: w.path for r, w in routes.items()}, survey.options, survey.times))
     busy = next((m for _, m in sorted(work.missions.items()) if m.items), None)
     if busy is not None:
         notes.extend(vehicle_notes(busy, survey.options, LAUNCH_RADIUS_M))
     rows = tuple(work.rows[r] for r in sorted(work.rows))
     largest = max(parts, key=lambda p: p.work.region_m.area)
     notes.extend(idle_notes(rows, largest.tours.method))
-    notes.extend(capacity_notes(rows, survey.options))
+    notes.extend(sortie_notes(rows, survey.options))
+    swaths = swath_note(survey.options.fleet)
+    if swaths is not None:
+        notes.append(swaths)
     return FleetPlan(
         area=survey.area,
         water_m=survey.water_m,
@@ -125,29 +141,39 @@ def finish(survey: Survey, parts: Sequence[PartPlan], notes: list[str]) -> Fleet
 
 
 def _build(
-    robot: int, route: Route, delay_s: float, survey: Survey, work: _Work, notes: list[str]
+    robot: int,
+    routes: Sequence[Route],
+    delay_s: float,
+    survey: Survey,
+    work: _Work,
+    notes: list[str],
 ) -> None:
-    """Enter a robot's mission and row into `work`."""
-    home = work.home_m[robot]
-    built = build_mission(route, robot, home, survey.water_m, survey.frame, survey.options)
-    notes.extend(built.notes)
-    work.missions[robot] = built.mission
-    work.paths[robot] = replace(route.path, robot=robot)
-    if survey.options.vehicle != "copter":
-        ways = straight_ways(built.path.points_m, home, survey.water_m)
-        work.straight_ways[robot] = ways
+    """Enter a robot's missions, one for each of its routes, and its row into `work`."""
+    home, options = work.home_m[robot], survey.options.of_robot(robot)
+    done = []
+    for sortie, route in enumerate(routes, start=1):
+        built = build_mission(route, robot, home, survey.water_m, survey.frame, options, sortie)
+        notes.extend(built.notes)
+        work.missions[robot, sortie] = built.mission
+        work.paths[robot, sortie] = replace(route.path, robot=robot, sortie=sortie)
+        done.append(built)
     home_lonlat = survey.frame.to_lonlat(home[None])[0]
-    row = robot_row(robot, built, home_lonlat, survey.times[robot - 1])
-    work.rows[robot] = replace(row, start_delay_s=delay_s)
+    row = robot_row(robot, done, home_lonlat, survey.times[robot - 1], options)
+    name = survey.options.fleet[robot - 1].name if survey.options.fleet else ""
+    work.rows[robot] = replace(row, start_delay_s=delay_s, name=name)
 
 
 def _enter_lines(parts: Sequence[PartPlan], survey: Survey, work: _Work) -> None:
     """Enter into missions and rows which lines they sweep."""
     missions = [work.missions[r] for r in sorted(work.missions)]
     for mission in with_lines(missions, parts, survey.frame):
-        work.missions[mission.robot] = mission
-        row = work.rows[mission.robot]
-        work.rows[mission.robot] = replace(row, lanes=lanes_of(mission))
+        work.missions[mission.robot, mission.sortie] = mission
+    for robot, row in work.rows.items():
+        trips = [
+            replace(trip, lanes=lanes_of(work.missions[robot, trip.sortie])) for trip in row.sorties
+        ]
+        lanes = sum(trip.lanes for trip in trips)
+        work.rows[robot] = replace(row, lanes=lanes, sorties=tuple(trips))
 
 
 def _report(
@@ -162,7 +188,8 @@ def _report(
     options = survey.options
     robots = tuple(work.rows[r] for r in sorted(work.rows))
     makespan = max(r.duration_s + r.start_delay_s for r in robots)
-    bound = max(_area_bound_s(p, c) for p, c in zip(parts, coverage, strict=True))
+    bound = any_plan_bound(parts, coverage)
+    of_lanes = chosen_lanes_bound(parts)
     planned = total_area([p.work.region_m for p in parts])
     covered = sum(c.covered_m2 for c in coverage)
     beyond = covered_beyond_m2(survey.water_m, parts, list(work.paths.values()), options)
@@ -172,9 +199,12 @@ def _report(
         robots=robots,
         method=largest.tours.method,
         makespan_s=makespan,
-        lower_bound_s=bound,
-        lower_bound_name="area bound",
-        gap=makespan / bound - 1 if bound > 0 else 0.0,
+        lower_bound_s=bound.seconds,
+        lower_bound_name=bound.name,
+        gap=bound.gap(makespan),
+        lanes_bound_s=of_lanes.seconds if of_lanes else None,
+        lanes_bound_name=of_lanes.name if of_lanes else "",
+        lanes_gap=of_lanes.gap(makespan) if of_lanes else None,
         utilization=sum(r.lanes > 0 for r in robots) / len(robots),
         coverage=covered / planned,
         coverage_survey_legs=sum(c.covered_by_survey_m2 for c in coverage) / planned,
@@ -196,12 +226,4 @@ def _report(
         lines=tuple(line for r in sorted(work.missions) for line in work.missions[r].lines),
         tie_lines=tie_report(parts),
         **more,
-    )
-
-
-def _area_bound_s(part: PartPlan, coverage: Coverage) -> float:
-    """Return the area bound of one part for what its robots cover."""
-    fastest = max(t.top_speed_m_s for t in part.work.times)
-    return area_bound_s(
-        coverage.covered_m2, part.work.options.swath_m, len(part.work.robots), fastest
     )

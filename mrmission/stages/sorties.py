@@ -34,6 +34,10 @@ Planner = Callable[[PartWork], PartTours]
 MOST_TRIPS = 400
 ROUNDS = 12
 """How often trips are cut anew because covering everything made one too long."""
+ANEW_ROUNDS = 2
+"""How often all trips are planned anew for that; then those that are too long are cut."""
+LEAST_ROOM = 0.85
+"""Trips are planned anew while they may be filled so far; else too many would be half empty."""
 QUICK_SHARE = 0.15
 """Of the time budget, to find out whether a number of trips may do."""
 HOPE = 1.04
@@ -78,19 +82,19 @@ def export_in_sorties(
     """
     sorties = Sorties(whole, planner)
     try:
-        part = whole if max(sorties.planned(whole)) <= 1.0 else sorties.trips(1.0)
-        again = sorties.searches
-        for _ in range(ROUNDS):
+        allowed = [1.0] * len(whole.work.robots)
+        part = whole if max(sorties.planned(whole)) <= 1.0 else sorties.trips(allowed)
+        for attempt in range(ROUNDS):
             routes, coverage = export_part(part, frame)
             measured = sorties.measured(part, routes)
             if max(measured) <= 1.0:
                 return part, routes, coverage
             planned = sorties.planned(part)
-            if again:
-                # What covers the rest came on top: leave room for it and search once more.
-                worst = int(np.argmax(measured))
-                part = sorties.trips(MARGIN * min(1.0, planned[worst] / measured[worst]))
-                again = False
+            room = sorties.room(part, planned, measured)
+            if attempt < ANEW_ROUNDS and min(room) >= LEAST_ROOM:
+                # What covers the rest came on top: leave room for it, and plan all trips anew.
+                allowed = [min(a, r) for a, r in zip(allowed, room, strict=True)]
+                part = sorties.trips(allowed)
             else:
                 part = sorties.shortened(part, planned, measured)
     except TooFarError as error:
@@ -108,6 +112,59 @@ def numbers_of(part: PartPlan) -> list[tuple[int, int]]:
     for robot in part.work.robots:
         seen[robot] = seen.get(robot, 0) + 1
         out.append((robot, seen[robot]))
+    return out
+
+
+def joined(routes: Sequence[Route]) -> Route:
+    """Return the trips of one robot as one route that comes home in between."""
+    if len(routes) == 1:
+        return routes[0]
+    first = routes[0].path
+    lanes, before = [], 0
+    for route in routes:
+        lane = route.path.lane
+        lanes.append(np.where(lane > 0, lane + before, 0))
+        before += int(lane.max(initial=0))
+    rest = routes[1:]
+    return Route(
+        lonlat=np.concatenate([routes[0].lonlat, *(r.lonlat[1:] for r in rest)]),
+        path=replace(
+            first,
+            points_m=np.concatenate([first.points_m, *(r.path.points_m[1:] for r in rest)]),
+            kind=np.concatenate([r.path.kind for r in routes]),
+            lane=np.concatenate(lanes),
+        ),
+    )
+
+
+def parted(route: Route, legs: Sequence[int], turned: bool) -> list[Route]:
+    """Return a joined route as trips again.
+
+    Parameters
+    ----------
+    route
+        What :func:`joined` made, or the same the other way round.
+    legs
+        How many legs each trip has, as they were joined.
+    turned
+        Whether it is the other way round: then the last trip comes first.
+    """
+    out, at = [], 0
+    for count in reversed(legs) if turned else legs:
+        lane = route.path.lane[at : at + count]
+        offset = int(lane[lane > 0].min(initial=np.iinfo(np.int64).max)) - 1
+        out.append(
+            Route(
+                lonlat=route.lonlat[at : at + count + 1],
+                path=replace(
+                    route.path,
+                    points_m=route.path.points_m[at : at + count + 1],
+                    kind=route.path.kind[at : at + count],
+                    lane=np.where(lane > 0, lane - offset, 0),
+                ),
+            )
+        )
+        at += count
     return out
 
 
@@ -152,8 +209,24 @@ class Sorties:
             for robot, route in zip(part.work.robots, routes, strict=True)
         ]
 
-    def trips(self, allowed: float) -> PartPlan:
-        """Return the part with trips that use at most `allowed` of what they may.
+    def room(
+        self, part: PartPlan, planned: Sequence[float], measured: Sequence[float]
+    ) -> list[float]:
+        """Return how far each robot's trips may be filled for the longest to fit once complete."""
+        out = [1.0] * len(self.work.robots)
+        for robot, before, after in zip(part.work.robots, planned, measured, strict=True):
+            row = self._row[robot]
+            if after > 1.0:
+                out[row] = min(out[row], MARGIN * min(1.0, before / after))
+        return out
+
+    def trips(self, allowed: Sequence[float]) -> PartPlan:
+        """Return the part with trips that use at most a share of what they may.
+
+        Parameters
+        ----------
+        allowed
+            The share, for each robot.
 
         Raises
         ------
@@ -163,9 +236,9 @@ class Sorties:
         if not self.searches:
             return self._plan_of(self._cut_tours(allowed))
         found = self._search(allowed)
-        if max(self.planned(found)) > allowed:
-            # of too many items, or the search fell short: cut what does not fit
-            found = self.shortened(found, self.planned(found), [allowed] * len(found.work.robots))
+        planned = self.planned(found)
+        if max(planned) > 1.0:  # of too many items
+            found = self.shortened(found, planned, planned)
         return found
 
     def shortened(
@@ -200,9 +273,9 @@ class Sorties:
     def _home_ways(self, row: int) -> Callable[[FloatArray], list[FloatArray]]:
         return lambda points_m: self.work.harbour.home_paths([row] * len(points_m), points_m)
 
-    def _cut_tours(self, allowed: float) -> list[list[CoveragePath]]:
+    def _cut_tours(self, allowed: Sequence[float]) -> list[list[CoveragePath]]:
         paths = self.whole.tours.paths
-        return [self._cutter(row, path, allowed).trips() for row, path in enumerate(paths)]
+        return [self._cutter(row, path, allowed[row]).trips() for row, path in enumerate(paths)]
 
     def _plan_of(self, trips: Sequence[Sequence[CoveragePath]]) -> PartPlan:
         """Return the part with these trips of each robot."""
@@ -226,13 +299,14 @@ class Sorties:
 
     # --- searching for trips ---------------------------------------------------------------------
 
-    def _search(self, allowed: float) -> PartPlan:
+    def _search(self, allowed_of: Sequence[float]) -> PartPlan:
         """Return the part with as few trips as the search finds to fit."""
+        allowed = min(allowed_of)
         lines = self._fitting_lines(allowed)
         cut: PartPlan | None = None
         # what is too far for the robot that has it now, another may reach
         with contextlib.suppress(TooFarError):
-            cut = self._plan_of(self._cut_tours(allowed))
+            cut = self._plan_of(self._cut_tours(allowed_of))
         most = MOST_TRIPS if cut is None else len(cut.work.robots)
         for counts in self._growing(most):
             if not self._may_hold(counts, allowed, lines):

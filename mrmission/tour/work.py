@@ -77,10 +77,15 @@ class PartTours:
         Name of the method that made it.
     paths
         Per robot its way from home to home; numbered from 1 within the part.
+    lanes_bound_s, lanes_bound_name
+        What no plan of the same lines can beat, and where it comes from; None and empty where the
+        planner knows of none.
     """
 
     method: str
     paths: tuple[CoveragePath, ...]
+    lanes_bound_s: float | None = None
+    lanes_bound_name: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
