@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from mrmission.errors import InfeasibleError
-from mrmission.minmax.costs import line_costs
-from mrmission.minmax.hooks import Hooks, find_hooks
+from mrmission.minmax.hooks import Hooks, find_hooks, no_hooks
+from mrmission.minmax.runs import part_costs
 from mrmission.minmax.ways import hooked_ways
 from mrmission.model import CoveragePath, FloatArray, IntArray, LegKind
 from mrmission.routing.harbour import Harbour
@@ -27,9 +27,11 @@ def lane_tours(work: PartWork) -> PartTours:
             "choose a wider --swath, or --method auto"
         )
     hooks, extra = find_hooks(work)
+    if work.time.turn_radius_m > 0:  # arcs go other ways: what they leave is looked for later
+        hooks = no_hooks(2 * len(work.lines + extra))
     lines = work.lines + extra
     alone = work.options.lanes_alone_count
-    costs = line_costs(lines, hooks, work.harbour, work.homes_m, work.times, lanes_alone=alone)
+    costs = part_costs(lines, hooks, work)
     tours = minmax(costs.problem, work.options.time_budget_s, work.options.seed)
     paths = tour_paths(work.harbour, lines, hooks, tours.entries, lanes_alone=alone)
     return PartTours(method="minmax", paths=paths)

@@ -57,7 +57,7 @@ def test_laps_stay_in_the_water_at_their_depth(seed: int, laps: int) -> None:
         dense = shapely.get_coordinates(shapely.segmentize(way, 2.0))
         away = shapely.distance(shore, shapely.points(dense))
         assert away.min() > depth * 0.9 - 2 * MOST_SMOOTH * SWATH_M
-        assert away.max() < MITRE_LIMIT * depth + MOST_SMOOTH * SWATH_M
+        assert away.max() < 1.1 * MITRE_LIMIT * depth + MOST_SMOOTH * SWATH_M
         at_depth.setdefault(lap, []).extend((away < depth + MOST_SMOOTH * SWATH_M).tolist())
     assert all(np.mean(near) > 0.3 for near in at_depth.values())
     for lane in lanes:

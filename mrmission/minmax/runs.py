@@ -1,0 +1,67 @@
+"""Lines as the search prices them with run-ins and run-outs: from outer end to outer end.
+
+The runs themselves are laid when a path is finished (:mod:`mrmission.tour.turnaround`), because
+which end of a line is entered is not known before, and a run is left out where the way on would
+leave the water. Before that a run at either end is taken for the mean of a run-in and a run-out. A
+copter's runs, which may lie over land, cost their time and leave the ends where they are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from mrmission.minmax.costs import LineCosts, line_costs, outward
+from mrmission.minmax.hooks import Hooks
+from mrmission.tour.lines import SurveyLine, ends_of, lengths_m
+from mrmission.tour.turnaround import outer_ends
+from mrmission.tour.work import PartWork
+
+
+def part_costs(lines: tuple[SurveyLine, ...], hooks: Hooks, work: PartWork) -> LineCosts:
+    """Return what a part's lines cost the search, runs included.
+
+    The least costs, for lower bounds, are those without runs: a plan may have to leave them out.
+
+    Parameters
+    ----------
+    lines, hooks
+        The work: the lines of the part and those made for what they leave.
+    work
+        The part.
+    """
+    alone = work.options.lanes_alone_count
+    plain = line_costs(lines, hooks, work.harbour, work.homes_m, work.times, lanes_alone=alone)
+    if max(work.options.runs_m) <= 0:
+        return plain
+    time = work.time
+    if work.options.vehicle == "copter":
+        problem = plain.problem
+        run_m = np.full(len(lines), sum(work.options.runs_m))
+    else:
+        longer = with_runs(lines, work)
+        problem = line_costs(
+            longer, hooks, work.harbour, work.homes_m, work.times, lanes_alone=alone
+        ).problem
+        run_m = lengths_m(longer) - lengths_m(lines)
+        problem = replace(problem, lane_cost=problem.lane_cost - run_m / time.survey_speed_m_s)
+    # runs are transits
+    lane_s = problem.lane_cost + run_m / time.transit_speed_m_s
+    return LineCosts(problem=replace(problem, lane_cost=lane_s), least=plain.least)
+
+
+def with_runs(lines: tuple[SurveyLine, ...], work: PartWork) -> tuple[SurveyLine, ...]:
+    """Return the lines with a mean run at both ends, as long as there is water for it."""
+    ends = ends_of(lines).reshape(-1, 2)
+    outer = outer_ends(ends, outward(lines), float(np.mean(work.options.runs_m)), work.region_m)
+    outer = outer.reshape(-1, 2, 2)
+    moved = np.any(outer != ends.reshape(-1, 2, 2), axis=2)
+    out = []
+    for line, ((a, b), (before, after)) in zip(lines, zip(outer, moved, strict=True), strict=True):
+        if before or after:
+            head = a[None] if before else a[:0].reshape(0, 2)
+            tail = b[None] if after else b[:0].reshape(0, 2)
+            line = replace(line, points_m=np.concatenate([head, line.points_m, tail]))
+        out.append(line)
+    return tuple(out)
