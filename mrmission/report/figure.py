@@ -82,10 +82,12 @@ def save_figure(
     path = check_figure(path, overwrite=overwrite)
     report, robots = plan.report, len(plan.report.robots)
     legend_rows = math.ceil((min(robots, _LEGEND_ROBOTS) + 5) / 8)
+    gap, name = report.gap, report.lower_bound_name
+    if report.lanes_gap is not None:
+        gap, name = report.lanes_gap, "bound for these lanes"
     line = (
         f"{robots} robot{'' if robots == 1 else 's'}, home after "
-        f"{human_duration(report.makespan_s)}, gap to the {report.lower_bound_name} "
-        f"{human_gap(report.gap)}"
+        f"{human_duration(report.makespan_s)}, gap to the {name} {human_gap(gap)}"
     )
     with picture(
         path, plan, width_mm=width_mm, dpi=dpi, foot_in=0.1 + 0.17 * legend_rows,

@@ -136,6 +136,11 @@ def summary_lines(plan: FleetPlan) -> tuple[str, ...]:
         f"{human_duration(report.lower_bound_s)} ({report.lower_bound_name}), "
         f"gap {human_gap(report.gap)}"
     )
+    if report.lanes_bound_s is not None and report.lanes_gap is not None:
+        time += (
+            f"; none with these lanes than {human_duration(report.lanes_bound_s)} "
+            f"({report.lanes_bound_name}), gap {human_gap(report.lanes_gap)}"
+        )
     lines = [size, time, covered]
     if report.unreached_parts_m2 or report.unreached_m2 > 0:
         lines.append(f"not reached from the start: {unreached_text(report)}")

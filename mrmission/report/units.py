@@ -253,8 +253,7 @@ def fleet_figures(report: FleetReport) -> tuple[tuple[str, str], ...]:
     counted = "navigable region" if report.unreached_m2 <= 0 else "reached part"
     rows = [
         ("Makespan (longest robot)", human_duration(report.makespan_s)),
-        (f"Lower bound ({report.lower_bound_name})", human_duration(report.lower_bound_s)),
-        ("Gap to the bound", human_gap(report.gap)),
+        *_bounds(report),
         ("Method", report.method),
         (
             "Robots that survey",
@@ -293,6 +292,24 @@ def tie_text(ties: TieReport) -> str:
     return (
         f"{ties.ties}, {human_length(ties.length_m)} ({share:.1%} of the other lines), "
         f"{ties.crossings} crossings; {ties.lanes_crossed} of {ties.lanes} lanes are crossed"
+    )
+
+
+def _bounds(report: FleetReport) -> tuple[tuple[str, str], ...]:
+    """Return what nothing can beat and how far the plan is from it, for these lanes and for any."""
+    any_plan = (
+        (f"Bound for any plan ({report.lower_bound_name})", human_duration(report.lower_bound_s)),
+        ("Gap to any plan's bound", human_gap(report.gap)),
+    )
+    if report.lanes_bound_s is None or report.lanes_gap is None:
+        return any_plan
+    return (
+        (
+            f"Bound for these lanes ({report.lanes_bound_name})",
+            human_duration(report.lanes_bound_s),
+        ),
+        ("Gap to these lanes' bound", human_gap(report.lanes_gap)),
+        *any_plan,
     )
 
 
