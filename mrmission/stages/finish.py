@@ -109,10 +109,10 @@ def finish(survey: Survey, parts: Sequence[PartPlan], notes: list[str]) -> Fleet
         if survey.options.vehicle != "copter":
             whole, home = routes[robot].path.points_m, work.home_m[robot]
             work.straight_ways[robot] = straight_ways(whole, home, survey.water_m)
-    _enter_lines(parts, survey, work)
     if survey.options.wait_in_mission:
         for robot, delay_s in delays_s.items():
             work.missions[robot, 1] = waiting(work.missions[robot, 1], delay_s)
+    _enter_lines(parts, survey, work)
     failsafe = failsafe_report(work.straight_ways, survey.frame)
     notes.extend(failsafe_notes(failsafe))
     notes.extend(launch_notes(work.rows, separation, survey.options.wait_in_mission))
