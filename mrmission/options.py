@@ -82,7 +82,7 @@ class PlanOptions:
     survey_speed_m_s: float = 2.0
     transit_speed_m_s: float = 2.0
     starts_lonlat: tuple[tuple[float, float], ...] = ()
-    method: str = "auto"
+    method: str = "minmax"
     angle_deg: float | None = None
     vehicle: str = "boat"
     altitude_m: float = 30.0

@@ -127,7 +127,8 @@ _PLAN = [
         type=click.Choice([*METHODS, "auto"]),
         default=DEFAULT.method,
         show_default=True,
-        help="Planner; auto takes the better of crc and cac; minmax shares out single lanes.",
+        help="Planner: minmax shares out single lanes; crc, cac, fhk and nrc whole cells; auto "
+        "takes the better of crc and cac.",
     ),
     click.option(
         "--angle",
@@ -239,14 +240,15 @@ _PLAN = [
         type=float,
         default=DEFAULT.time_budget_s,
         show_default=True,
-        help="Seconds to search (minmax), counted in steps: the same answer on any machine.",
+        help="Seconds to search (minmax), counted in steps: the same answer on any machine; 0 "
+        "takes the first good plan.",
     ),
     click.option(
         "--seed",
         type=int,
         default=DEFAULT.seed,
         show_default=True,
-        help="Seed of every random choice.",
+        help="Seed of every random choice: same seed, same plan.",
     ),
 ]
 _FLEET = [

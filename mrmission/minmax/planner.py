@@ -15,6 +15,9 @@ from mrmission.tour.path import make_path
 from mrmission.tour.work import PartTours, PartWork
 
 MAX_MINMAX_LANES = 4000
+BUDGET_PER_LINE_S = 0.03
+"""Of the time budget at most so much is spent for each line: few lines are soon as good as can
+be."""
 
 
 def lane_tours(work: PartWork) -> PartTours:
@@ -32,7 +35,8 @@ def lane_tours(work: PartWork) -> PartTours:
     lines = work.lines + extra
     alone = work.options.lanes_alone_count
     costs = part_costs(lines, hooks, work)
-    tours = minmax(costs.problem, work.options.time_budget_s, work.options.seed)
+    budget_s = min(work.options.time_budget_s, BUDGET_PER_LINE_S * len(lines))
+    tours = minmax(costs.problem, budget_s, work.options.seed)
     paths = tour_paths(work.harbour, lines, hooks, tours.entries, lanes_alone=alone)
     return PartTours(method="minmax", paths=paths)
 
