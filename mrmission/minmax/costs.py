@@ -20,7 +20,9 @@ from mrmission.minmax.ways import Ways, hooked_ways, straight
 from mrmission.model import FloatArray, IntArray, LegKind
 from mrmission.routing.harbour import Harbour
 from mrmission.tour.lines import SurveyLine, ends_of, lengths_m
+from mrmission.tour.reversals import REVERSAL_DEG
 from mrmission.tour.timing import TimeModel
+from mrmission.tour.turning import MOST_TRIM, turn_cost_m
 
 NEAR = 12
 """So many nearest ends of each end are priced leg by leg."""
@@ -29,6 +31,8 @@ STUB_M = 1000.0
 FAR_M = 1e5
 """Distance between chains of legs that are priced in one go."""
 ANGLES = 181
+MARK_S = 1000.0
+"""Seconds that mark a reversal."""
 BENT = 1.02
 """A way this many times as long as the straight one does not begin in its direction."""
 
@@ -90,15 +94,16 @@ def line_costs(
     no_hooks = np.zeros(len(ends))
     flat = np.full_like(table, floor)
     _price_all(least, ends, out, flat, floor, no_hooks, 1.0 / time.transit_speed_m_s)
-    for matrix in (cost, least):
-        matrix[first, last] = near_s
-        matrix[last, first] = near_s
+    least_s = least_near_s(near_s, ends, out, first, last, hooks, harbour, time, lanes_alone)
+    for matrix, seconds in ((cost, near_s), (least, least_s)):
+        matrix[first, last] = seconds
+        matrix[last, first] = seconds
     home_s, home_least_s = _home_seconds(ends, out, homes_m, hooks, harbour, times, lanes_alone)
     lane_s = lengths_m(lines) / time.survey_speed_m_s + _short_lanes_s(lines, time)
     return LineCosts(
         problem=LaneProblem(lane_cost=lane_s, end_cost=cost, home_cost=home_s),
         least=LaneProblem(
-            lane_cost=lengths_m(lines) / time.survey_speed_m_s,
+            lane_cost=least_lane_s(lines, time),
             end_cost=least,
             home_cost=home_least_s,
         ),
@@ -146,6 +151,10 @@ def _near_seconds(
     lanes_alone: bool,
 ) -> FloatArray:
     """Return the seconds of the ways between pairs of near ends, corners and hooks included."""
+    if time.turn_radius_m > 0:
+        leave, enter = (np.arctan2(side[:, 1], side[:, 0]) for side in (out[first], -out[last]))
+        turn_m = turn_cost_m(ends[first], leave, ends[last], enter, time.turn_radius_m)
+        return np.maximum(turn_m, metres) / time.transit_speed_m_s
     start, points = straight(ends[first], ends[last])
     bent = np.flatnonzero(metres > np.hypot(*(ends[last] - ends[first]).T) * (1 + 1e-6) + 1e-3)
     if len(bent):
@@ -154,6 +163,49 @@ def _near_seconds(
         )
     ways = hooked_ways(first, last, start, points, hooks, always=lanes_alone)
     return ways_s(ways, out[first], -out[last], time, lanes_alone=lanes_alone)
+
+
+def least_near_s(
+    near_s: FloatArray,
+    ends: FloatArray,
+    out: FloatArray,
+    first: IntArray,
+    last: IntArray,
+    hooks: Hooks,
+    harbour: Harbour,
+    time: TimeModel,
+    lanes_alone: bool,
+) -> FloatArray:
+    """Return what the ways between pairs of near ends cannot be less than, `near_s` or below.
+
+    A reversal may be replaced by up to three gentler corners, which also changes the one behind it
+    (:mod:`mrmission.tour.reversals`); a turn of a radius may begin before the end of a lane.
+    """
+    metres = harbour.pair_distances(ends[first], ends[last])
+    floor = min(0.0, float(_corner_table(time)[0].min()))
+    if time.turn_radius_m > 0:
+        metres = metres - 2 * MOST_TRIM * time.turn_radius_m
+        least = metres / time.transit_speed_m_s + 2 * floor
+        return np.minimum(near_s, np.maximum(least, 0.0))
+    if time.steering != "steered" or not len(near_s):
+        return near_s
+    marked = time.with_reversals_marked(REVERSAL_DEG, MARK_S)
+    seconds = _near_seconds(ends, out, first, last, metres, hooks, harbour, marked, lanes_alone)
+    least = np.maximum(metres / time.transit_speed_m_s + 4 * floor, 0.0)
+    return np.where(seconds - near_s > 0.5 * MARK_S, np.minimum(near_s, least), near_s)
+
+
+def least_lane_s(lines: tuple[SurveyLine, ...], time: TimeModel) -> FloatArray:
+    """Return (lines,) what sweeping each line cannot be less than.
+
+    With a turn radius that is without what turns may leave out at its ends, and nothing for a line
+    shorter than the radius.
+    """
+    length = lengths_m(lines)
+    radius_m = time.turn_radius_m
+    if radius_m > 0:
+        length = np.where(length < radius_m, 0.0, length - 2 * MOST_TRIM * radius_m)
+    return np.maximum(length, 0.0) / time.survey_speed_m_s
 
 
 def _with_ways(

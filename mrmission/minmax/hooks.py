@@ -101,6 +101,11 @@ def find_hooks(work: PartWork) -> tuple[Hooks, tuple[SurveyLine, ...]]:
     return _listed(found, len(ends) + 2 * len(extra), work.uncovered.radius_m * REACH), extra
 
 
+def no_hooks(ends: int) -> Hooks:
+    """Return no hooks on any of so many ends."""
+    return _listed([], ends, 0.0)
+
+
 def _way_from(
     end: FloatArray | None,
     piece: shapely.Polygon,

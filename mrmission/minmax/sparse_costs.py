@@ -18,6 +18,8 @@ from mrmission.minmax.costs import (
     _mean_hook_s,
     _near_seconds,
     _short_lanes_s,
+    least_lane_s,
+    least_near_s,
     outward,
 )
 from mrmission.minmax.hooks import Hooks
@@ -96,7 +98,8 @@ def sparse_line_costs(
     place = np.minimum(np.searchsorted(wanted, key), len(wanted) - 1)
     priced = wanted[place] == key
     second_s[priced] = near_s[place[priced]]
-    least_s[priced] = second_s[priced]
+    near_least_s = least_near_s(near_s, ends, out, first, last, hooks, harbour, time, lanes_alone)
+    least_s[priced] = near_least_s[place[priced]]
     home_s, home_least_s = _home_seconds(ends, out, homes_m, hooks, harbour, times, lanes_alone)
     lane_s = lengths_m(lines) / time.survey_speed_m_s
     return SparseCosts(
@@ -106,7 +109,7 @@ def sparse_line_costs(
         arrays=arrays,
         second_s=second_s,
         price=price,
-        least_lane_s=lane_s,
+        least_lane_s=least_lane_s(lines, time),
         least_home_s=home_least_s,
         least_s=least_s.astype(np.float32),
         beyond_s=np.maximum(arrays[0][:, 3] * rest[1] + 2 * floor, 0.0),

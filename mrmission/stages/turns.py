@@ -39,6 +39,7 @@ class Turns:
         self._runs = max(options.runs_m) > 0
         self._limits = work.region_m if boat else None
         self._sharp_m = np.zeros((0, 2))
+        self._keep_m: list[FloatArray] = [np.zeros((0, 2)) for _ in work.homes_m]
         robots = range(len(work.homes_m)) if self._radius_m > 0 or self._gentle else range(0)
         self._waters: list[BerthWater] = [
             Waters(work.harbour, i, self._radius_m, options.wp_radius_m)
@@ -93,9 +94,15 @@ class Turns:
         options, out, sharp = self._work.options, [], [self._sharp_m[:0]]
         for i, (path, waters) in enumerate(zip(paths, self._waters, strict=True)):
             assert isinstance(waters, Waters)  # as made above
-            new = None if before is None else _new_points(path, before[i])
+            if before is not None:  # what covering the rest goes by must be passed from now on
+                new = _new_points(path, before[i])
+                self._keep_m[i] = np.concatenate([self._keep_m[i], new])
             turned, left = round_transits(
-                path, waters, options.swath_m, keep_m=new, lanes_alone=options.lanes_alone_count
+                path,
+                waters,
+                options.swath_m,
+                keep_m=self._keep_m[i],
+                lanes_alone=options.lanes_alone_count,
             )
             out.append(turned)
             sharp.append(left)

@@ -302,4 +302,5 @@ def time_model(options: PlanOptions) -> TimeModel:
         radius_m=options.wp_radius_m,
         swath_m=options.swath_m,
         table=options.time_table,
+        turn_radius_m=options.turn_radius_m,
     )

@@ -6,7 +6,8 @@ and how well it predicts is told in ``docs/time-model.md``.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import copy
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 import numpy as np
@@ -71,6 +72,8 @@ class TimeModel:
         the lower bound on the makespan allows: see :meth:`_least_s`. 0 lets no corner gain.
     table
         What was measured; None takes the packaged table.
+    turn_radius_m
+        Least radius of a turn, 0: turns on the spot. Paths are drawn so; no duration depends on it.
     """
 
     survey_speed_m_s: float
@@ -79,6 +82,7 @@ class TimeModel:
     radius_m: float = 1.0
     swath_m: float = 0.0
     table: TimeTable | None = None
+    turn_radius_m: float = 0.0
     survey: Curves = field(init=False, repr=False, compare=False)
     transit: Curves = field(init=False, repr=False, compare=False)
     accel_m_s2: float | None = field(init=False, repr=False, compare=False)
@@ -88,6 +92,21 @@ class TimeModel:
         object.__setattr__(self, "accel_m_s2", acceleration_m_s2(table, self.steering))
         for name, speed in (("survey", self.survey_speed_m_s), ("transit", self.transit_speed_m_s)):
             object.__setattr__(self, name, curves(table, self.steering, speed, self.radius_m))
+
+    def with_reversals_marked(self, angle_deg: float, mark_s: float) -> TimeModel:
+        """Return the same with corners from an angle on dearer by so many seconds."""
+        out = copy.copy(self)
+        for name in ("survey", "transit"):
+            was: Curves = getattr(self, name)
+            just_below = np.nextafter(angle_deg, 0.0)
+            angles = np.unique(np.append(was.angle_deg, [just_below, angle_deg]))
+            corner_s, swing_m = (
+                np.interp(angles, was.angle_deg, values) for values in (was.corner_s, was.swing_m)
+            )
+            corner_s = corner_s + np.where(angles >= angle_deg, mark_s, 0.0)
+            now = replace(was, angle_deg=angles, corner_s=corner_s, swing_m=swing_m)
+            object.__setattr__(out, name, now)
+        return out
 
     @property
     def top_speed_m_s(self) -> float:

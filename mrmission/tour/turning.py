@@ -27,7 +27,9 @@ FIT_SHARE, FIT_M = 1.03, 0.05
 """Arcs may need this much more of their legs than there is: rounded coordinates."""
 _STRAIGHT_M = 1e-4
 _LEAST_BEND_RAD = math.radians(2.0)
-_OFFSETS = (0.0, -0.25, -0.5, -0.75, -1.0, -1.25, -1.5, -2.0, -3.0, 0.5, 1.0, 2.0)
+MOST_TRIM = 2.0
+"""A turn begins this many radii before the end of a lane at most."""
+_OFFSETS = (0.0, -0.25, -0.5, -0.75, -1.0, -1.25, -1.5, -MOST_TRIM, 0.5, 1.0, 2.0)
 """Where a turn begins, radii beyond the end of a lane; below 0 before it."""
 _TRIM_SHARE = 0.45
 """At most this share of a lane's last leg is left out at either end."""
@@ -132,7 +134,7 @@ def round_transits(
         return path, np.zeros((0, 2))
     gaps = _gaps(path, waters, swath_m, keep_m)
     lines = _fill(path, gaps, waters)
-    out = _assemble(path, gaps, lines, waters, lanes_alone)
+    out = _without_straight_points(_assemble(path, gaps, lines, waters, lanes_alone), keep_m)
     return out, out.points_m[sharp_corners(out.points_m, waters)]
 
 
@@ -153,9 +155,7 @@ def _gaps(
         if length[first:last].sum() < waters.radius_m:  # too short to line up with: passed
             fixed[first:last] = False
             must[first : last + 1] = True
-    if keep_m is not None and len(keep_m):
-        wanted = {(x, y) for x, y in keep_m.tolist()}
-        must |= np.array([(x, y) in wanted for x, y in points.tolist()])
+    must |= _among(points, keep_m)
     ends = [(0, 0), *_stretches(fixed, sharp), (len(points) - 1, len(points) - 1)]
     out = []
     for (_, a), (b, _) in pairwise(ends):
@@ -163,6 +163,14 @@ def _gaps(
             inner = tuple((np.flatnonzero(must[a + 1 : b]) + a + 1).tolist())
             out.append(_Gap(first=a, last=b, must=inner))
     return out
+
+
+def _among(points: FloatArray, keep_m: FloatArray | None) -> BoolArray:
+    """Return (n,) which points are, exactly, among those to keep."""
+    if keep_m is None or not len(keep_m):
+        return np.zeros(len(points), dtype=np.bool_)
+    wanted = {(x, y) for x, y in keep_m.tolist()}
+    return np.array([(x, y) in wanted for x, y in points.tolist()], dtype=np.bool_)
 
 
 def _loops(
@@ -219,18 +227,39 @@ def _fill(path: CoveragePath, gaps: Sequence[_Gap], waters: Waters) -> list[Floa
     for i, gap in enumerate(gaps):
         if lines[i] is not None:
             continue
-        layers = [starts[i]]
-        for j, way in enumerate(ways[i]):
-            layers.extend(_bends(way, waters))
-            if j < len(gap.must):
-                layers.append(_passing(points[gap.must[j]]))
-        layers.append(goals[i])
+        stops = [points[k] for k in gap.must]
         if i not in plain:
+            lines[i] = chain(waters, _layers(starts[i], goals[i], ways[i], stops, waters))
+        if lines[i] is None:  # once more, with room to turn at either end and at every stop
+            ends = points[gap.first], points[gap.last]
+            layers = _layers(starts[i], goals[i], ways[i], stops, waters, ends)
             lines[i] = chain(waters, layers)
-        if lines[i] is None:  # once more, with room to turn at either end
-            near = [_room(points[k], waters) for k in (gap.first, gap.last)]
-            lines[i] = chain(waters, [layers[0], near[0], *layers[1:-1], near[1], layers[-1]])
     return lines
+
+
+def _layers(
+    start: Choices,
+    goal: Choices,
+    ways: Sequence[FloatArray],
+    stops: Sequence[FloatArray],
+    waters: Waters,
+    roomy: tuple[FloatArray, FloatArray] | None = None,
+) -> list[Choices]:
+    """Return the poses to choose from along the ways through a gap from stop to stop.
+
+    `roomy` are its ends, where room to turn in is to be looked for about them and about the stops.
+    """
+    layers = [start]
+    if roomy is not None:
+        layers.append(_room(roomy[0], waters))
+    for j, way in enumerate(ways):
+        layers.extend(_bends(way, waters))
+        if j < len(stops):
+            room = [] if roomy is None else [_room(stops[j], waters)]
+            layers.extend([*room, _passing(stops[j], waters.harbour.region), *room])
+    if roomy is not None:
+        layers.append(_room(roomy[1], waters))
+    return [*layers, goal]
 
 
 def _shortest(path: CoveragePath, gaps: Sequence[_Gap], waters: Waters) -> list[list[FloatArray]]:
@@ -259,7 +288,7 @@ def _end_choices(points: FloatArray, index: int, side: int, waters: Waters) -> C
     """
     at = points[index]
     if index in (0, len(points) - 1):
-        return _passing(at)
+        return _passing(at, waters.harbour.region)
     leg = points[index] - points[index - 1] if side < 0 else points[index + 1] - points[index]
     length = float(np.hypot(*leg))
     unit = leg / length
@@ -272,11 +301,18 @@ def _end_choices(points: FloatArray, index: int, side: int, waters: Waters) -> C
     return Choices(poses=pose(place[free], heading), cost_m=np.abs(offset[free]))
 
 
-def _passing(at: FloatArray) -> Choices:
-    """Return a point in all headings."""
+def _passing(at: FloatArray, region: shapely.Geometry) -> Choices:
+    """Return a point in all headings, and in those along the shore next to it."""
     heading = 2 * np.pi * np.arange(_HEADINGS) / _HEADINGS
-    poses = pose(np.broadcast_to(at, (_HEADINGS, 2)), heading)
-    return Choices(poses=poses, cost_m=np.zeros(_HEADINGS))
+    shore, way_there = shapely.get_coordinates(
+        shapely.shortest_line(region.boundary, shapely.Point(at))
+    )
+    out = way_there - shore
+    if np.hypot(*out) > 1e-6:
+        along = math.atan2(out[1], out[0]) + math.pi / 2
+        heading = np.append(heading, [along, along + math.pi])
+    poses = pose(np.broadcast_to(at, (len(heading), 2)), heading)
+    return Choices(poses=poses, cost_m=np.zeros(len(heading)))
 
 
 def _bends(way: FloatArray, waters: Waters) -> list[Choices]:
@@ -356,10 +392,10 @@ def _assemble(
             lanes.append(0)
         _lengthen(kinds, lanes, out, start, gap, path, waters.radius_m)
     copy(at, len(points) - 1)
-    return _without_straight_points(make_path(path.robot, np.array(out), kinds, lanes))
+    return make_path(path.robot, np.array(out), kinds, lanes)
 
 
-def _without_straight_points(path: CoveragePath) -> CoveragePath:
+def _without_straight_points(path: CoveragePath, keep_m: FloatArray | None) -> CoveragePath:
     """Drop points at which neither course nor kind changes: a vehicle slows on short legs."""
     leg = np.diff(path.points_m, axis=0)
     length = np.hypot(leg[:, 0], leg[:, 1])
@@ -368,6 +404,7 @@ def _without_straight_points(path: CoveragePath) -> CoveragePath:
     off = np.abs(cross) * np.minimum(length[:-1], length[1:])
     ahead = (unit[:-1] * unit[1:]).sum(axis=1) > 0
     drop = np.append(False, (off < _STRAIGHT_M) & ahead & (path.kind[:-1] == path.kind[1:]))
+    drop &= ~_among(path.points_m[:-1], keep_m)
     return make_path(
         path.robot,
         path.points_m[np.append(~drop, True)],
