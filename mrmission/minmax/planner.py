@@ -32,8 +32,6 @@ def lane_tours(work: PartWork) -> PartTours:
     hooks, extra = find_hooks(work)
     if work.time.turn_radius_m > 0:  # arcs go other ways: what they leave is looked for later
         hooks = no_hooks(2 * len(work.lines + extra))
-    if work.time.turn_radius_m > 0:  # arcs go other ways: what they leave is looked for later
-        hooks = no_hooks(2 * len(work.lines + extra))
     lines = work.lines + extra
     alone = work.options.lanes_alone_count
     costs = part_costs(lines, hooks, work)
