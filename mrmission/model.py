@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
@@ -318,6 +318,14 @@ class RobotReport:
     name: str = ""
     """What people call it, where a fleet file says so."""
     sorties: tuple[SortieReport, ...] = ()
+
+    @property
+    def trips(self) -> tuple[SortieReport, ...]:
+        """Return the robot's trips; a row that tells of none is one trip itself."""
+        if self.sorties:
+            return self.sorties
+        own = {f.name for f in fields(SortieReport)} & {f.name for f in fields(self)}
+        return (SortieReport(sortie=1, **{name: getattr(self, name) for name in own}),)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

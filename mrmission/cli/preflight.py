@@ -93,12 +93,14 @@ def run_preflight(
         Print JSON instead of the table.
     """
     from mrmission.cli.upload_plan import read_missions
+    from mrmission.vehicle.assign import carried_sorties
     from mrmission.vehicle.preflight import preflight_fleet
     from mrmission.vehicle.record import read_record
 
     missions = read_missions(folder, named="")
     report = read_report(folder)
     records = read_record(folder)
+    missions = carried_sorties(missions, {record.robot: record.sortie for record in records})
     robots = {mission.robot for mission in missions}
     recorded = [record for record in records if record.robot in robots]
     links = list(connect)

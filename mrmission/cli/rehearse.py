@@ -159,13 +159,14 @@ def rehearse(
 
     Starts its own vehicles at the plan's homes, uploads and verifies the missions, arms, sails
     and watches them, and compares the tracks with the plan: the area swept, the distance from the
-    lanes, times, fence events, the nearest two vehicles came to each other. Exit code 1 when
+    lanes, times, fence events, the nearest two vehicles came to each other. Robots that go out
+    several times sail all first trips, then all second ones, and so on. Exit code 1 when
     something is outside the limits. No vehicle but its own is ever armed.
     """
     from mrmission.rehearse.files import check_folder, rehearse_text, write_rehearsal
     from mrmission.rehearse.judge import Limits, judge
     from mrmission.rehearse.pilot import SailOrders
-    from mrmission.rehearse.run import Waters, sail_missions, sailing_missions
+    from mrmission.rehearse.run import Waters, sail_missions, sailing_rounds
 
     options = build_options(**flags)
     if options.vehicle not in MODEL_OF:
@@ -201,14 +202,18 @@ def rehearse(
     plan = _plan(ctx, survey, options)
     if current_from_deg is None:
         waters = waters.across(plan.report.angle_deg)
-    missions = sailing_missions(plan.missions)
-    if not missions:
+    rounds = sailing_rounds(plan.missions)
+    if not rounds:
         raise ConfigError(f"{area}: no robot has anywhere to sail to")
 
     from mrmission.cli.progress import stages
 
     with stages() as say:
-        tracks = asyncio.run(sail_missions(missions, waters, orders, stage=say))
+        tracks = [
+            track
+            for missions in rounds
+            for track in asyncio.run(sail_missions(missions, waters, orders, stage=say))
+        ]
         say("measuring")
         driven = judge(
             plan,

@@ -62,7 +62,7 @@ def run_status(folder: Path, *, links: LinkChoice | None = None, as_json: bool =
         When nothing was uploaded from the folder.
     """
     from mrmission.cli.upload_plan import read_missions
-    from mrmission.vehicle.assign import first_sorties
+    from mrmission.vehicle.assign import carried_sorties
     from mrmission.vehicle.record import FILE_NAME, read_record
     from mrmission.vehicle.status import fleet_status
 
@@ -78,7 +78,8 @@ def run_status(folder: Path, *, links: LinkChoice | None = None, as_json: bool =
             f"upload --from {folder}`"
         )
     planned = any(folder.glob("robot-*.plan"))
-    missions = first_sorties(read_missions(folder, named="")) if planned else []
+    sorties = {record.robot: record.sortie for record in records}
+    missions = carried_sorties(read_missions(folder, named=""), sorties) if planned else []
     rows = asyncio.run(
         fleet_status(
             records,

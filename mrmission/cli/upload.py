@@ -47,6 +47,13 @@ if TYPE_CHECKING:
     show_default=True,
     help="A vehicle farther than this from its mission's home gets nothing, m.",
 )
+@click.option(
+    "--sortie",
+    type=click.IntRange(min=1),
+    default=1,
+    show_default=True,
+    help="Which trip to upload, where robots go out several times.",
+)
 @click.option("--simulate", is_flag=True, help="Upload to simulated boats, started for it.")
 @click.option(
     "--out",
@@ -70,6 +77,7 @@ def upload(
     client: str,
     sign_key_file: Path | None,
     max_distance_m: float,
+    sortie: int,
     simulate: bool,
     out: Path | None,
     overwrite: bool,
@@ -113,8 +121,9 @@ def upload(
             as_json=as_json,
             record_folder=out or from_folder,
             caps=caps,
-            estimates=reported_estimates(from_folder, missions),
+            estimates=reported_estimates(from_folder, missions, sortie),
             max_distance_m=max_distance_m,
+            sortie=sortie,
         )
     if area is None:
         raise ConfigError("AREA is missing: name a survey area, or a folder of plans with --from")
@@ -140,8 +149,14 @@ def upload(
         record_folder=out,
         caps=caps,
         hint=capacity_hint(survey, result, options),
-        estimates={r.robot: (r.length_m, r.duration_s) for r in result.report.robots},
+        estimates={
+            r.robot: (t.length_m, t.duration_s)
+            for r in result.report.robots
+            for t in r.trips
+            if t.sortie == sortie
+        },
         starts_lonlat=[r.start_lonlat for r in result.report.robots],
+        sortie=sortie,
         max_distance_m=max_distance_m,
         title=f"{result.area.name}: upload",
     )
@@ -193,7 +208,7 @@ def fitted(
 def _unused_with_from(ctx: click.Context) -> list[str]:
     """Return the options given that shape a plan, which ``--from`` would silently ignore."""
     io = {"area", "from_folder", "connect", "client", "sign_key_file", "max_distance_m"}
-    io |= {"simulate", "out", "overwrite", "as_json"}
+    io |= {"simulate", "out", "overwrite", "as_json", "sortie"}
     # What a vehicle holds (max_items, fence_bytes) is compared with the files.
     used = io | {"max_items", "fence_bytes"}
     return [

@@ -139,8 +139,10 @@ def read_missions(folder: Path, *, named: str = "--from ") -> list[Mission]:
     return sorted((read_plan(path) for path in paths), key=lambda m: (m.robot, m.sortie))
 
 
-def reported_estimates(folder: Path, missions: Sequence[Mission]) -> dict[int, tuple[float, float]]:
-    """Return robot to (length_m, duration_s) as a folder's report has them.
+def reported_estimates(
+    folder: Path, missions: Sequence[Mission], sortie: int = 1
+) -> dict[int, tuple[float, float]]:
+    """Return robot to (length_m, duration_s) of one sortie, as a folder's report has them.
 
     A robot whose mission is not the one of the report, because somebody has edited the file, is
     left out, and so are all where there is no report.
@@ -149,13 +151,20 @@ def reported_estimates(folder: Path, missions: Sequence[Mission]) -> dict[int, t
 
     try:
         rows = json.loads((folder / "report.json").read_text(encoding="utf-8"))["robots"]
-        told = {int(r["robot"]): (float(r["length_m"]), float(r["duration_s"])) for r in rows}
+        told = {
+            int(robot["robot"]): (float(row["length_m"]), float(row["duration_s"]))
+            for robot in rows
+            # a report of before there were sorties has the robot's own numbers alone
+            for row in robot.get("sorties") or [{**robot, "sortie": 1}]
+            if row["sortie"] == sortie
+        }
     except (OSError, ValueError, KeyError, TypeError):
         return {}
     return {
         mission.robot: told[mission.robot]
         for mission in missions
         if mission.robot in told
+        and mission.sortie == sortie
         and math.isclose(path_length_m(mission), told[mission.robot][0], rel_tol=1e-3, abs_tol=1.0)
     }
 

@@ -119,13 +119,14 @@ def run_upload(
     starts_lonlat: Sequence[tuple[float, float]] | None = None,
     max_distance_m: float | None = None,
     title: str = "Upload",
+    sortie: int = 1,
 ) -> int:
     """Upload missions, print the table, keep the record; return the exit code.
 
     Parameters
     ----------
     missions
-        One or more per robot; the first sortie of each is uploaded.
+        One or more per robot.
     links
         How vehicles are reached.
     simulate
@@ -140,6 +141,8 @@ def run_upload(
         Where simulated boats lie; each mission's home where not given.
     title
         Title of the table.
+    sortie
+        Which sortie is uploaded; robots that do not go out so often get nothing.
 
     Returns
     -------
@@ -147,16 +150,22 @@ def run_upload(
         0 when every vehicle was verified, 5 otherwise.
     """
     from mrmission.cli.upload_table import upload_json, upload_progress, upload_table
-    from mrmission.vehicle.assign import first_sorties
+    from mrmission.vehicle.assign import sorties_numbered
     from mrmission.vehicle.capacity import Caps
     from mrmission.vehicle.job import FolderKeeper
     from mrmission.vehicle.place import DEFAULT_MAX_DISTANCE_M
 
     links = links or LinkChoice()
     caps = caps or Caps()
-    first = first_sorties(missions)
+    first = sorties_numbered(missions, sortie)
     # Simulated boats are gone when this ends; a record of them would mislead the real upload.
-    keeper = FolderKeeper(record_folder) if record_folder is not None and not simulate else None
+    keeper = None
+    if record_folder is not None and not simulate:
+        keeper = FolderKeeper(record_folder, {m.robot: m.sortie for m in first})
+    left_out = sorted({m.robot for m in missions} - {m.robot for m in first})
+    if left_out:
+        names = ", ".join(map(str, left_out))
+        click.echo(f"no sortie {sortie} for robot {names}: left as they are", err=True)
     limits: dict[int, KnownLimits] = {}
     with upload_progress([mission.robot for mission in first]) as progress:
         rows = run_interruptibly(
@@ -177,6 +186,7 @@ def run_upload(
                 client=links.client,
                 signing=links.signing,
                 on_limits=limits.update,
+                sortie=sortie,
             )
         )
     if as_json:

@@ -114,12 +114,12 @@ def _legend(figure: Any, driven: FleetDriven, end: bool) -> None:
     if end and any(row.watched_s > 0 for row in driven.robots):
         dots = (0, (1, 1))
         handles.append(Line2D([], [], color="0.25", linewidth=1.0, linestyle=dots, label="at end"))
+    several = any(row.sortie > 1 for row in driven.robots)
     for row in driven.robots[:12]:
         text = human_duration(row.driven_s) if math.isfinite(row.driven_s) else row.end
+        name = f"{row.robot}.{row.sortie}" if several else f"{row.robot}"
         handles.append(
-            Line2D(
-                [], [], color=robot_colour(row.robot), linewidth=2.0, label=f"{row.robot}: {text}"
-            )
+            Line2D([], [], color=robot_colour(row.robot), linewidth=2.0, label=f"{name}: {text}")
         )
     figure.legend(
         handles=handles, loc="lower left", bbox_to_anchor=(0.004, 0.0), ncols=8, frameon=False,

@@ -48,9 +48,9 @@ def rehearse_text(driven: FleetDriven) -> str:
 
 
 def tracks_csv(tracks: Sequence[Track]) -> str:
-    """Return the tracks as CSV: one row per position, seconds since the robot's own start."""
+    """Return the tracks as CSV: one row per position, seconds since the trip's own start."""
     out = io.StringIO()
-    out.write("robot,time_s,longitude,latitude,heading_deg,item\n")
+    out.write("robot,time_s,longitude,latitude,heading_deg,item,sortie\n")
     for track in tracks:
         rows = zip(
             (track.time_s - track.started_s).tolist(),
@@ -61,7 +61,9 @@ def tracks_csv(tracks: Sequence[Track]) -> str:
         )
         for time_s, (lon, lat), heading, item in rows:
             bow = f"{heading:.2f}" if math.isfinite(heading) else ""
-            out.write(f"{track.robot},{time_s:.3f},{lon:.7f},{lat:.7f},{bow},{item}\n")
+            out.write(
+                f"{track.robot},{time_s:.3f},{lon:.7f},{lat:.7f},{bow},{item},{track.sortie}\n"
+            )
     return out.getvalue()
 
 
@@ -79,6 +81,7 @@ def tracks_geojson(tracks: Sequence[Track]) -> str:
                     "type": "Feature",
                     "properties": {
                         "robot": track.robot,
+                        "sortie": track.sortie,
                         "phase": phase,
                         "seconds": round(float(np.ptp(track.time_s[mask])), 3),
                     },

@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 
 from mrmission.area.frame import LocalFrame
-from mrmission.model import CoveragePath, FleetPlan, FloatArray, LegKind, Mission
+from mrmission.model import CoveragePath, FleetPlan, FloatArray, LegKind, Mission, SortieReport
 from mrmission.rehearse.measures import (
     CrossTrack,
     Legs,
@@ -61,11 +61,12 @@ class Limits:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RobotDriven:
-    """One row of the table: what one robot did against what it was to do.
+    """One row of the table: what one robot did on one trip against what it was to do.
 
-    ``coverage`` is the share of what its plan sweeps that it swept. ``home_m`` is the distance
-    from home when the last waypoint was reached, ``watched_m`` the largest one afterwards and
-    ``left_m`` the one at the end of the watch. ``fence_room_m`` is the least distance from its
+    ``start_delay_s`` is when the trip begins, after the fleet's start. ``coverage`` is the share of
+    what its plan sweeps that it swept. ``home_m`` is the distance from home when the last waypoint
+    was reached, ``watched_m`` the largest one afterwards and ``left_m`` the one at the end of the
+    watch. ``fence_room_m`` is the least distance from its
     fence, negative outside. ``estimate_m`` is the 95th percentile of the distance between where
     a simulator says that it was and the track that it told, NaN where it does not say.
     ``fence_events`` counts the breaches told while under way, ``fence_events_at_end`` those of a
@@ -73,6 +74,7 @@ class RobotDriven:
     """
 
     robot: int
+    sortie: int
     system_id: int
     end: str
     home: bool
@@ -138,11 +140,12 @@ def judge(
     plan
         What was to be sailed.
     tracks
-        One per robot that sailed.
+        One per robot that sailed, and sortie.
     limits
         What counts as a violation.
     delays_s
-        Seconds after the fleet's start at which each robot started; 0 where not given. The
+        Seconds after the fleet's start at which each robot's first trip started; 0 where not
+        given. Its others follow as planned. The
         vehicles' clocks run by themselves in a simulator, so the fleet's time of a vehicle is
         its own time since its start, and its delay.
     waters
@@ -151,13 +154,16 @@ def judge(
     frame = frame_of(plan)
     swath_m = float(plan.report.options["swath_m"])
     delays = dict(delays_s or {})
-    missions = {m.robot: m for m in plan.missions}
-    paths = {p.robot: p for p in plan.paths}
+    missions = {(m.robot, m.sortie): m for m in plan.missions}
+    paths = {(p.robot, p.sortie): p for p in plan.paths}
+    trips = {(r.robot, t.sortie): t for r in plan.report.robots for t in r.trips}
     rows: list[RobotDriven] = []
     swept, swept_survey, movements = [], [], []
     offsets, alongs, weights = [], [], []
-    for track in sorted(tracks, key=lambda t: t.robot):
-        mission, path = missions[track.robot], paths[track.robot]
+    for track in sorted(tracks, key=lambda t: (t.robot, t.sortie)):
+        which = track.robot, track.sortie
+        mission, path, trip = missions[which], paths[which], trips[which]
+        delay_s = delays.get(track.robot, 0.0) + trip.start_s
         legs = legs_of_mission(mission, frame)
         points = track.points_m(frame)
         way = track.under_way()
@@ -173,16 +179,16 @@ def judge(
             movements.append(
                 Movement(
                     robot=track.robot,
-                    time_s=track.time_s[way] - track.started_s + delays.get(track.robot, 0.0),
+                    time_s=track.time_s[way] - track.started_s + delay_s,
                     points_m=points[way],
                 )
             )
         rows.append(
             _row(
-                plan, track, mission, path, legs, points, frame,
+                plan, track, mission, path, trip, legs, points, frame,
                 swept_m=mine,
                 cross=cross_track_of(offset, along, weight),
-                delay_s=delays.get(track.robot, 0.0),
+                delay_s=delay_s,
             )
         )  # fmt: skip
     none = np.zeros(0)
@@ -225,6 +231,7 @@ def _row(
     track: Track,
     mission: Mission,
     path: CoveragePath,
+    trip: SortieReport,
     legs: Legs,
     points_m: FloatArray,
     frame: LocalFrame,
@@ -233,7 +240,6 @@ def _row(
     cross: CrossTrack,
     delay_s: float,
 ) -> RobotDriven:
-    report = next(r for r in plan.report.robots if r.robot == track.robot)
     swath_m = float(plan.report.options["swath_m"])
     way, after = track.under_way(), track.afterwards()
     own = shapely.intersection(
@@ -246,14 +252,15 @@ def _row(
     late = breaches > (track.ended_s if track.home else math.inf)
     return RobotDriven(
         robot=track.robot,
+        sortie=track.sortie,
         system_id=track.system_id,
         end=track.end_text,
         home=track.home,
         lanes=len(np.unique(legs.lane[legs.kind == LegKind.SURVEY])),
         start_delay_s=delay_s,
-        planned_s=report.duration_s,
+        planned_s=trip.duration_s,
         driven_s=track.duration_s,
-        planned_m=report.length_m,
+        planned_m=trip.length_m,
         driven_m=float(np.hypot(*np.diff(points_m[way], axis=0).T).sum()) if way.any() else 0.0,
         coverage=swept_of(own, swept_m).share if own.area > 0 else 1.0,
         cross_track=cross,
@@ -294,23 +301,22 @@ def _with_violations(driven: FleetDriven) -> FleetDriven:
     from dataclasses import replace
 
     limits, found = driven.limits, []
+    several = any(row.sortie > 1 for row in driven.robots)
     for row in driven.robots:
+        who = f"robot {row.robot}" + (f", sortie {row.sortie}," if several else "")
         if not row.home:
-            found.append(f"robot {row.robot} is not home: {row.end}")
+            found.append(f"{who} is not home: {row.end}")
         elif not row.home_m <= limits.home_m:
             found.append(
-                f"robot {row.robot} ends {row.home_m:.1f} m from home, the limit is "
-                f"{limits.home_m:g} m"
+                f"{who} ends {row.home_m:.1f} m from home, the limit is {limits.home_m:g} m"
             )
         if row.watched_s and not row.watched_m <= limits.home_m:
             found.append(
-                f"robot {row.robot} drifts: up to {row.watched_m:.1f} m from home while its end "
+                f"{who} drifts: up to {row.watched_m:.1f} m from home while its end "
                 f"was watched for {row.watched_s:.0f} s, the limit is {limits.home_m:g} m"
             )
         if row.fence_events:
-            found.append(
-                f"robot {row.robot} breached its fence on its way, {row.fence_events} times"
-            )
+            found.append(f"{who} breached its fence on its way, {row.fence_events} times")
     if driven.coverage.share < limits.coverage:
         found.append(
             f"{driven.coverage.share:.2%} of the coverable area was swept, the limit is "

@@ -346,7 +346,8 @@ def nearest_of(a: Movement, b: Movement) -> Meeting | None:
 
 def nearest_pair(movements: Sequence[Movement]) -> Meeting | None:
     """Return the least distance of any two vehicles while both are under way."""
-    met = [m for a, b in combinations(movements, 2) if (m := nearest_of(a, b)) is not None]
+    pairs = [(a, b) for a, b in combinations(movements, 2) if a.robot != b.robot]
+    met = [m for a, b in pairs if (m := nearest_of(a, b)) is not None]
     return min(met, key=lambda m: m.distance_m) if met else None
 
 

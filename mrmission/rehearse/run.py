@@ -11,7 +11,6 @@ from mrmission.errors import ConfigError, SimulatorError, UploadError
 from mrmission.model import Mission
 from mrmission.rehearse.pilot import SailOrders, SailProgress, sail
 from mrmission.rehearse.track import Track
-from mrmission.vehicle.assign import first_sorties
 
 if TYPE_CHECKING:
     from mrmission.vehicle.upload import UploadRow
@@ -91,7 +90,19 @@ class Waters:
 
 def sailing_missions(missions: Sequence[Mission]) -> list[Mission]:
     """Return the missions that have somewhere to sail to, the first sortie of each robot."""
-    return first_sorties([mission for mission in missions if len(mission.items) > 2])
+    return next(iter(sailing_rounds(missions)), [])
+
+
+def sailing_rounds(missions: Sequence[Mission]) -> list[list[Mission]]:
+    """Return the missions that have somewhere to sail to, those of each sortie together.
+
+    A round has one mission of a robot at most; robots that go out less often miss the last ones.
+    """
+    sailing = [mission for mission in missions if len(mission.items) > 2]
+    return [
+        sorted((m for m in sailing if m.sortie == sortie), key=lambda m: m.robot)
+        for sortie in sorted({m.sortie for m in sailing})
+    ]
 
 
 def home_of(mission: Mission) -> tuple[float, float]:
@@ -141,7 +152,7 @@ async def sail_missions(
     Parameters
     ----------
     missions
-        At most one per robot, none empty (see :func:`sailing_missions`).
+        At most one per robot, none empty: a round of :func:`sailing_rounds`.
     waters
         The fleet and the water.
     orders
@@ -193,7 +204,11 @@ async def sail_missions(
                 await asyncio.wait({watch, voyages}, return_when=asyncio.FIRST_COMPLETED)
                 if watch.done():
                     watch.result()
-                return tuple(await voyages)
+                tracks = await voyages
+                return tuple(
+                    replace(track, sortie=mission.sortie)
+                    for track, mission in zip(tracks, missions, strict=True)
+                )
             finally:
                 watch.cancel()
                 voyages.cancel()

@@ -130,13 +130,15 @@ class RehearsalTable:
             box=box.SIMPLE_HEAD,
             pad_edge=False,
         )
+        several = any(row.sortie > 1 for row in self.driven.robots)
         watched = any(row.watched_s > 0 for row in self.driven.robots)
         names = ["robot", "lanes", "start", "planned", "driven", "off by", "swept", "p95", "fence"]
         names += ["home", "drift"] if watched else ["home"]
         for name in names:
             table.add_column(name, justify="right", overflow="fold")
         for row in self.driven.robots:
-            cells = [Text(f"■ {row.robot}", style=robot_colour(row.robot, dark=True))]
+            name = f"■ {row.robot}" + (f".{row.sortie}" if several else "")
+            cells = [Text(name, style=robot_colour(row.robot, dark=True))]
             cells += [Text(text) for text in self._cells(row)]
             if watched:
                 cells.append(Text(metres(row.watched_m, 1)))

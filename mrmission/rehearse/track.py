@@ -61,6 +61,8 @@ class Track:
         What the vehicle said, and the fence breaches that it reported, in order.
     end_text
         Why the watch ended: ``home``, or what went wrong.
+    sortie
+        Which of the robot's trips it was.
     """
 
     robot: int
@@ -76,6 +78,7 @@ class Track:
     texts: tuple[Said, ...]
     breaches: tuple[Breach, ...]
     end_text: str
+    sortie: int = 1
 
     @property
     def home(self) -> bool:

@@ -1,9 +1,10 @@
-"""Who gets which tour: robots to vehicles, and of several sorties the first."""
+"""Who gets which tour: robots to vehicles, and of several sorties which one."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from mrmission.errors import ConfigError
 from mrmission.model import Mission
 
 
@@ -14,6 +15,42 @@ def first_sorties(missions: Sequence[Mission]) -> list[Mission]:
         if mission.robot not in out or mission.sortie < out[mission.robot].sortie:
             out[mission.robot] = mission
     return [out[robot] for robot in sorted(out)]
+
+
+def sorties_numbered(missions: Sequence[Mission], sortie: int) -> list[Mission]:
+    """Return the sortie of a number of each robot that goes out so often, by robot number.
+
+    Sortie 1 is the first of each robot.
+
+    Raises
+    ------
+    ConfigError
+        When no robot goes out so often.
+    """
+    if sortie == 1:
+        return first_sorties(missions)
+    found = sorted((m for m in missions if m.sortie == sortie), key=lambda m: m.robot)
+    if not found:
+        most = max((m.sortie for m in missions), default=1)
+        raise ConfigError(
+            f"--sortie {sortie}: no robot goes out so often; the plan has "
+            + (f"{most} sorties at the most" if most > 1 else "one sortie for each robot")
+        )
+    return found
+
+
+def carried_sorties(missions: Sequence[Mission], sorties: Mapping[int, int]) -> list[Mission]:
+    """Return one mission of each robot: the sortie that its vehicle has, else its first.
+
+    Parameters
+    ----------
+    missions
+        All of a plan.
+    sorties
+        Robot to the sortie that was uploaded to its vehicle.
+    """
+    theirs = {m.robot: m for m in missions if sorties.get(m.robot) == m.sortie}
+    return [theirs.get(m.robot, m) for m in first_sorties(missions)]
 
 
 def assign(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -63,11 +63,20 @@ class Keeper(Protocol):
 
 
 class FolderKeeper:
-    """Keeps the record, and what vehicles held, in a folder."""
+    """Keeps the record, and what vehicles held, in a folder.
 
-    def __init__(self, folder: Path) -> None:
+    Parameters
+    ----------
+    folder
+        Where they lie.
+    sorties
+        Robot to the sortie that is uploaded; 1 where not given.
+    """
+
+    def __init__(self, folder: Path, sorties: Mapping[int, int] | None = None) -> None:
         self._folder = folder
         self._file = FleetFile(folder)
+        self._sorties = dict(sorties or {})
 
     @property
     def pairs(self) -> dict[int, int]:
@@ -85,7 +94,7 @@ class FolderKeeper:
 
     def begin(self, robot: int, system_id: int, link: str) -> None:
         """Write down that the first byte is about to go to a vehicle."""
-        self._file.begin(robot, system_id, link)
+        self._file.begin(robot, system_id, link, self._sorties.get(robot, 1))
 
     def fail(self, robot: int) -> None:
         """Write down that a vehicle holds its old mission or none."""
@@ -93,7 +102,8 @@ class FolderKeeper:
 
     def store(self, robot: int, system_id: int, link: str, contents: Contents) -> None:
         """Write down what a vehicle was verified to hold."""
-        self._file.put(record_of(robot, system_id, link, contents))
+        sortie = self._sorties.get(robot, 1)
+        self._file.put(record_of(robot, system_id, link, contents, sortie))
 
 
 class ArmedError(VehicleError):
@@ -159,6 +169,7 @@ class Job:
         tries = self._tries
         return UploadRow(
             robot=self.mission.robot,
+            sortie=self.mission.sortie,
             system_id=self.vehicle.system_id if self.vehicle else None,
             link=self.vehicle.connection.url if self.vehicle else "",
             items=len(self._raw[MissionType.MISSION]),

@@ -159,7 +159,7 @@ def plan_facts(
     known = _return_over_land(report, mission.robot)
     if known is not None:
         share, longest, over = *known, "land"
-    options = (report or {}).get("options", {})
+    options = _own_options((report or {}).get("options", {}), mission.robot)
     return PlanFacts(
         robot=mission.robot,
         vehicle=mission.vehicle,
@@ -193,6 +193,14 @@ def _start(mission: Mission) -> tuple[float, float] | None:
     if mission.rally:
         return mission.rally[0].lon_e7 / 1e7, mission.rally[0].lat_e7 / 1e7
     return None
+
+
+def _own_options(options: Mapping[str, Any], robot: int) -> Mapping[str, Any]:
+    """Return a report's options as they are for one robot: in a mixed fleet it has its own."""
+    fleet = options.get("fleet") or ()
+    if not isinstance(fleet, Sequence) or not 1 <= robot <= len(fleet):
+        return options
+    return {**options, **fleet[robot - 1]}
 
 
 def _number(options: Mapping[str, Any], name: str) -> float | None:

@@ -38,7 +38,8 @@ class RecordState(enum.StrEnum):
 class StoredRecord:
     """One vehicle: whose tour it has, and item counts and hashes of its three stores, as read.
 
-    Counts are 0 and hashes empty unless the state is verified.
+    `sortie` is the trip of that robot that it holds. Counts are 0 and hashes empty unless the
+    state is verified.
     """
 
     robot: int
@@ -51,6 +52,7 @@ class StoredRecord:
     mission_sha256: str = ""
     fence_sha256: str = ""
     rally_sha256: str = ""
+    sortie: int = 1
 
     def sha256(self, kind: MissionType) -> str:
         """Return the hash of one store."""
@@ -62,7 +64,11 @@ class StoredRecord:
 
 
 def record_of(
-    robot: int, system_id: int, link: str, stored: Mapping[MissionType, tuple[RawItem, ...]]
+    robot: int,
+    system_id: int,
+    link: str,
+    stored: Mapping[MissionType, tuple[RawItem, ...]],
+    sortie: int = 1,
 ) -> StoredRecord:
     """Return the record of a vehicle that was verified, from what was read back of it."""
     sha = {kind: stored_sha256(stored[kind], kind) for kind in MissionType}
@@ -77,6 +83,7 @@ def record_of(
         mission_sha256=sha[MissionType.MISSION],
         fence_sha256=sha[MissionType.FENCE],
         rally_sha256=sha[MissionType.RALLY],
+        sortie=sortie,
     )
 
 
@@ -113,10 +120,16 @@ class FleetFile:
             for record in self._records.values()
         )
 
-    def begin(self, robot: int, system_id: int, link: str) -> None:
+    def begin(self, robot: int, system_id: int, link: str, sortie: int = 1) -> None:
         """Note that the first byte is about to go to a vehicle."""
         self.put(
-            StoredRecord(robot=robot, system_id=system_id, link=link, state=RecordState.UNFINISHED)
+            StoredRecord(
+                robot=robot,
+                system_id=system_id,
+                link=link,
+                state=RecordState.UNFINISHED,
+                sortie=sortie,
+            )
         )
 
     def fail(self, robot: int) -> None:

@@ -53,6 +53,7 @@ class UploadRow:
     holds: Holds
     attempts: int
     elapsed_s: float
+    sortie: int = 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING
 
 from mrmission.errors import VehicleError
 from mrmission.model import Mission
-from mrmission.vehicle.assign import assign, first_sorties
+from mrmission.vehicle.assign import assign, sorties_numbered
 from mrmission.vehicle.capacity import (
     Caps,
     KnownLimits,
@@ -79,13 +79,14 @@ async def upload_fleet(
     client: str = "pymavlink",
     signing: Signing | None = None,
     on_limits: Callable[[Mapping[int, KnownLimits]], None] | None = None,
+    sortie: int = 1,
 ) -> list[UploadRow]:
     """Upload every robot's mission to its vehicle, all in parallel, and verify it.
 
     Parameters
     ----------
     missions
-        One per robot; of a robot with several sorties, the first is uploaded.
+        One per robot and sortie.
     connections
         Links as after ``--connect``; none means the loopback ports of as many SITL instances.
     progress
@@ -109,6 +110,8 @@ async def upload_fleet(
         See `mrmission.vehicle.links.open_links`.
     on_limits
         Called with what each robot's vehicle holds, once it is known.
+    sortie
+        Which sortie is uploaded; robots that do not go out so often get nothing.
 
     Returns
     -------
@@ -118,14 +121,14 @@ async def upload_fleet(
     Raises
     ------
     ConfigError
-        When a connection cannot be read.
+        When a connection cannot be read, or no robot has such a sortie.
     VehicleError
         When nothing answers at all, or two vehicles have one system id. Nothing was sent.
     UploadError
         When a mission does not fit its vehicle. Nothing was sent.
     """
     timeouts = timeouts or UploadTimeouts()
-    first = first_sorties(missions)
+    first = sorties_numbered(missions, sortie)
     async with _answering(len(first), connections, timeouts, client, signing) as fleet:
         given = assign([m.robot for m in first], list(fleet.vehicles), assignment)
         known = await _limits_by_robot(first, given, fleet.vehicles, caps or Caps())

@@ -58,7 +58,7 @@ def plan():
 def test_tracks_as_csv_and_geojson(plan) -> None:
     tracks = [short_track(1), short_track(2, home=False)]
     rows = tracks_csv(tracks).splitlines()
-    assert rows[0] == "robot,time_s,longitude,latitude,heading_deg,item"
+    assert rows[0] == "robot,time_s,longitude,latitude,heading_deg,item,sortie"
     assert len(rows) == 1 + 2 * 61
     assert rows[1] == "1,-1.000,8.5000000,47.3000000,12.00,0"
     assert rows[5] == "1,3.000,8.5003300,47.3003000,,1"
