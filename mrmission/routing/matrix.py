@@ -31,7 +31,8 @@ from mrmission.routing.visibility import (
 )
 
 GROUP = 8
-FEW_SOURCES = 4
+REGION = 16
+FEW_SOURCES = 3
 """With so few sources the last corner of each way is looked for among those that make it short."""
 _SLACK = 1e-9
 
@@ -236,10 +237,13 @@ def many_distances(
 
 
 @njit(cache=True, error_model="numpy")
-def few_distances(grid: Grid, graph: Graph, sources: Float, targets: Float) -> Float:
+def few_distances(
+    grid: Grid, graph: Graph, sources: Float, targets: Float, order: npt.NDArray[np.int64]
+) -> Float:
     """Return the (s, t) lengths of the shortest paths from few sources.
 
-    The last corner of each path is looked for among those that would make it short.
+    The last corner of each path is looked for among those that would make it no longer than the
+    way by what is next to the target; `order` puts targets that lie together next to each other.
     """
     node, before, after, land, block, start, neighbour, hug, length, onward = graph
     n = len(node)
@@ -254,6 +258,9 @@ def few_distances(grid: Grid, graph: Graph, sources: Float, targets: Float) -> F
     what = np.empty(len(neighbour) + n, np.int32)
     bend = np.empty(n)
     on_left = np.empty(n, np.bool_)
+    least = np.empty(len(block))
+    region, span = _block_regions(block)
+    region_least = np.empty(len(region))
     for s in range(len(sources)):
         sx, sy = sources[s, 0], sources[s, 1]
         for v in range(n):
@@ -298,37 +305,87 @@ def few_distances(grid: Grid, graph: Graph, sources: Float, targets: Float) -> F
                 if size > 1e-6:
                     on_left[v] = land[v, 0] * iny - land[v, 1] * inx < 0.0
                     bend[v] = (inx * land[v, 0] + iny * land[v, 1]) / size - 1e-9
-        for t in range(len(targets)):
+        for u in range(len(block)):
+            least[u] = math.inf
+            for v in range(u * BLOCK, min(n, (u + 1) * BLOCK)):
+                least[u] = min(least[u], label[v])
+        for r in range(len(region)):
+            region_least[r] = math.inf
+            for u in range(r * REGION, min(len(block), (r + 1) * REGION)):
+                region_least[r] = min(region_least[r], least[u])
+        previous = last = -1
+        for place in range(len(targets)):
+            t = order[place]
             tx, ty = targets[t, 0], targets[t, 1]
             straight = math.hypot(tx - sx, ty - sy)
-            best = math.inf
             if straight == 0.0 or _clear(grid, sx, sy, tx, ty):
-                best = straight
-            else:
+                out[s, t] = straight
+                previous, last = t, -1
+                continue
+            limit = math.inf
+            if previous >= 0:
+                px, py = targets[previous, 0], targets[previous, 1]
+                if last >= 0 and _clear(grid, node[last, 0], node[last, 1], tx, ty):
+                    limit = label[last] + math.hypot(node[last, 0] - tx, node[last, 1] - ty)
+                elif _clear(grid, px, py, tx, ty):
+                    limit = out[s, previous] + math.hypot(px - tx, py - ty)
+            limit += _SLACK * limit
+            best = math.inf
+            while True:
                 many = 0
-                for u in range(len(block)):
-                    if _none_tangent(block, u, tx, ty):
+                for r in range(len(region)):
+                    away = math.hypot(region[r, 0] - tx, region[r, 1] - ty) - span[r]
+                    if region_least[r] + max(0.0, away) > limit:
                         continue
-                    for v in range(u * BLOCK, min(n, (u + 1) * BLOCK)):
-                        x, y = node[v, 0], node[v, 1]
-                        if label[v] == math.inf or not _tangent(
-                            x, y, before[v, 0], before[v, 1], after[v, 0], after[v, 1], tx, ty
-                        ):
+                    for u in range(r * REGION, min(len(block), (r + 1) * REGION)):
+                        away = math.hypot(block[u, 0] - tx, block[u, 1] - ty) - block[u, 2]
+                        if least[u] + max(0.0, away) > limit or _none_tangent(block, u, tx, ty):
                             continue
-                        outx, outy = tx - x, ty - y
-                        size = math.hypot(outx, outy)
-                        if size > 1e-6 and bend[v] > -1.5:
-                            left = land[v, 0] * outy - land[v, 1] * outx < 0.0
-                            if (
-                                left != on_left[v]
-                                or outx * land[v, 0] + outy * land[v, 1] < bend[v] * size
+                        for v in range(u * BLOCK, min(n, (u + 1) * BLOCK)):
+                            x, y = node[v, 0], node[v, 1]
+                            outx, outy = tx - x, ty - y
+                            size = math.hypot(outx, outy)
+                            if not label[v] + size <= limit or not _tangent(
+                                x, y, before[v, 0], before[v, 1], after[v, 0], after[v, 1], tx, ty
                             ):
                                 continue
-                        many = _push(key, what, many, label[v] + size, v)
+                            if size > 1e-6 and bend[v] > -1.5:
+                                left = land[v, 0] * outy - land[v, 1] * outx < 0.0
+                                if (
+                                    left != on_left[v]
+                                    or outx * land[v, 0] + outy * land[v, 1] < bend[v] * size
+                                ):
+                                    continue
+                            if label[v] < math.inf:
+                                many = _push(key, what, many, label[v] + size, v)
                 while many > 0:
                     if _clear(grid, node[what[0], 0], node[what[0], 1], tx, ty):
                         best = key[0]
+                        last = what[0]
                         break
                     many = _pop(key, what, many)
+                if best < math.inf or limit == math.inf:
+                    break
+                limit = math.inf
             out[s, t] = best
+            previous = t
     return out
+
+
+@njit(cache=True, error_model="numpy")
+def _block_regions(block: Float) -> tuple[Float, Float]:
+    """Return centres (r, 2) and radii of the circles about every `REGION` blocks of corners."""
+    count = (len(block) + REGION - 1) // REGION
+    centre = np.empty((count, 2))
+    span = np.zeros(count)
+    for r in range(count):
+        first, stop = r * REGION, min(len(block), (r + 1) * REGION)
+        for axis in range(2):
+            low, high = math.inf, -math.inf
+            for u in range(first, stop):
+                low, high = min(low, block[u, axis]), max(high, block[u, axis])
+            centre[r, axis] = 0.5 * (low + high)
+        for u in range(first, stop):
+            off = math.hypot(block[u, 0] - centre[r, 0], block[u, 1] - centre[r, 1])
+            span[r] = max(span[r], off + block[u, 2])
+    return centre, span

@@ -274,7 +274,8 @@ class WaterRouter:
 
     def _many(self, sources: FloatArray, targets: FloatArray) -> FloatArray:
         if len(sources) <= FEW_SOURCES:
-            return few_distances(self._grid, self._graph, sources, targets)
+            order = curve_order(targets)
+            return few_distances(self._grid, self._graph, sources, targets, order)
         order = curve_order(sources)
         return many_distances(self._grid, self._graph, sources, order, targets, False, _NONE)
 
