@@ -25,6 +25,7 @@ MAX_SKIP = 4
 _AT_ONCE = 8
 _MOST_TRIED = 160
 _CHUNK = 512
+_SAME_M = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -160,7 +161,7 @@ def _singles(
         hit = good.any(axis=1)
         best = good.argmax(axis=1)
         for j in np.flatnonzero(hit):
-            found[todo[j]] = lines[place[j, best[j]]]
+            found[todo[j]] = _apart(lines[place[j, best[j]]])
         todo = todo[~hit]
         if not len(todo):
             break
@@ -231,4 +232,11 @@ def _extend(
     lines = waters.lines(start[first], goal[first], word[first], pieces[first])
     for k, line in zip(first.tolist(), lines, strict=True):
         best[b[k]] = total[k]
-        came[b[k]] = (index, int(a[k]), line)
+        came[b[k]] = (index, int(a[k]), _apart(line))
+
+
+def _apart(line: FloatArray) -> FloatArray:
+    """Return a polyline without points that rounding alone keeps apart; its ends stay exact."""
+    step = np.hypot(*np.diff(line, axis=0).T)
+    inner = line[1:-1][(step[:-1] > _SAME_M) & (np.hypot(*(line[1:-1] - line[-1]).T) > _SAME_M)]
+    return np.vstack([line[:1], inner, line[-1:]])

@@ -71,9 +71,10 @@ def _detours(
             continue
         before, after = points[max(0, i - 2) : i][::-1], points[i + 1 : i + 3]
         best: tuple[float, int, FloatArray] | None = None
-        if not survey[i] or _on_leg(points[i + 1], points[i], points[i - 1]):
+        both = bool(survey[i - 1] and survey[i])
+        if not survey[i] or (both and _on_leg(points[i + 1], points[i], points[i - 1])):
             best = _best(points[i], before, after, water, time, i)
-        if not survey[i - 1] or _on_leg(points[i - 1], points[i], points[i + 1]):
+        if not survey[i - 1] or (both and _on_leg(points[i - 1], points[i], points[i + 1])):
             other = _best(points[i], after, before, water, time, i - 1)
             if other is not None and (best is None or other[0] < best[0]):
                 best = (other[0], other[1], other[2][::-1])
