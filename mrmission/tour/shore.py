@@ -130,12 +130,39 @@ def _smoothed(ring: FloatArray, tolerance_m: float, region_m: shapely.Polygon) -
     open_ring = ring[:-1]
     first = int(np.lexsort((open_ring[:, 1], open_ring[:, 0]))[0])
     turned = np.vstack([open_ring[first:], open_ring[: first + 1]])
-    line = shapely.simplify(shapely.LineString(turned), tolerance_m, preserve_topology=True)
-    short = shapely.get_coordinates(line)
+    short = _long_chords(turned, tolerance_m)
     # the ring lies much farther inside than it was moved; but a narrow spit might be cut
     if len(short) >= 4 and region_m.covers(shapely.LineString(short)):
         return short
     return turned
+
+
+def _long_chords(ring: FloatArray, tolerance_m: float) -> FloatArray:
+    """Return corners of a closed ring so that the ring is within the tolerance of their chords.
+
+    From each corner the chord goes as far as it can: on a round shore that makes about half as
+    many as halving does (Douglas and Peucker), as each chord uses up the tolerance.
+    """
+    last = len(ring) - 1
+    kept = [0]
+    while kept[-1] < last:
+        i = kept[-1]
+        j = i + 1
+        while j < last:
+            chord = ring[j + 1] - ring[i]
+            length = float(np.hypot(*chord))
+            inner = ring[i + 1 : j + 1] - ring[i]
+            if length == 0.0:
+                break
+            off = np.abs(inner[:, 0] * chord[1] - inner[:, 1] * chord[0]) / length
+            along = inner @ chord / length
+            # forward only: a chord that cuts off a spike is no way along it
+            steps = np.diff(along, prepend=0.0, append=length)
+            if off.max() > tolerance_m or steps.min() < -tolerance_m:
+                break
+            j += 1
+        kept.append(j)
+    return ring[kept]
 
 
 def _cut(ring: FloatArray, piece_m: float) -> list[FloatArray]:
