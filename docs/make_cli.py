@@ -56,12 +56,20 @@ def help_of(path: list[str]) -> str:
     return "\n".join(line.rstrip() for line in result.output.rstrip().splitlines())
 
 
+def commands_of(name: str) -> list[list[str]]:
+    """Return a command, and the commands in it when it is a group, as words."""
+    command = cli.get_command(click.Context(cli), name)
+    inside = command.commands if isinstance(command, click.Group) else {}
+    return [[name], *([name, sub] for sub in inside)]
+
+
 def page() -> str:
     """Return the whole page."""
     os.environ.pop("COLUMNS", None)
     parts = [HEAD, "## mrmission\n", f"```text\n{help_of([])}\n```\n"]
     for name in COMMANDS:
-        parts += [f"## mrmission {name}\n", f"```text\n{help_of([name])}\n```\n"]
+        for path in commands_of(name):
+            parts += [f"## mrmission {' '.join(path)}\n", f"```text\n{help_of(path)}\n```\n"]
     return "\n".join(parts)
 
 

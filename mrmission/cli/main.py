@@ -23,6 +23,7 @@ COMMANDS = {
     "sim": "Run simulated boats that speak MAVLink on loopback.",
     "check": "Check exported .plan files against an area.",
     "decompose": "Show the cells and the Reeb graph of an area.",
+    "experiments": "Run the paper's study again, beside its printed numbers.",
     "warm": "Compile and cache the inner loops once.",
 }
 EXIT_BUG = 70

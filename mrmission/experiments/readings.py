@@ -7,7 +7,7 @@ in `docs/paper-study.md`. Costs are the paper's: areas, px², plus travel, px.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from itertools import pairwise, product
 from typing import Any, Literal
 
@@ -16,7 +16,7 @@ import numpy as np
 from mrmission.decomposition.cells import dual_edges_of
 from mrmission.experiments.world import PaperWorld, node_distances
 from mrmission.model import FloatArray, IntArray, ReebGraph
-from mrmission.partition.cac import CacReading, clusters, neighbours_of
+from mrmission.partition.cac import CacReading, grow_clusters, neighbours_of, with_leftovers
 from mrmission.partition.problem import CoverageProblem
 from mrmission.partition.split import frederickson_split, longest_round_trip
 
@@ -109,7 +109,7 @@ Reading = SplitReading | NrcReading | ClusterReading
 
 DEFAULTS: tuple[Reading, ...] = (
     SplitReading(planner="CRC"),
-    ClusterReading(pieces="halves", fit="strict", floor="costliest"),
+    ClusterReading(pieces="halves", way="free", fit="strict", leftovers="last", floor="costliest"),
     NrcReading(closes="growing"),
     SplitReading(planner="FHK", distance="covering-halves"),
 )
@@ -212,6 +212,8 @@ class Planner:
         }
         halves = halved_problem(world)
         self._problems = {"cells": world.problem, "halves": halves}
+        self._grown: dict[tuple[ClusterReading, int], tuple[IntArray, FloatArray]] = {}
+        self._cluster_costs: dict[tuple[str, bytes], float] = {}
         self._neighbours = {name: neighbours_of(p) for name, p in self._problems.items()}
 
     def tour_cost(self, doubled: Doubled = "halves") -> float:
@@ -251,11 +253,22 @@ class Planner:
 
     def _clusters(self, reading: ClusterReading, robots: int) -> PaperPlan:
         problem = self._problems[reading.pieces]
-        owner = clusters(problem, robots, reading.clustering, self._neighbours[reading.pieces])
+        neighbours = self._neighbours[reading.pieces]
+        # readings that differ in the leftovers alone share their clusters, and many their costs
+        key = (replace(reading, leftovers="dropped"), robots)
+        if key not in self._grown:
+            self._grown[key] = grow_clusters(problem, robots, reading.clustering, neighbours)
+        owner, load = self._grown[key]
+        owner = with_leftovers(problem, owner, load, reading.clustering, neighbours)
         order = np.argsort(owner, kind="stable")
         first = np.searchsorted(owner[order], np.arange(robots + 1))
         pieces = tuple(order[a:b] for a, b in pairwise(first.tolist()))
-        cost = [self._cluster_cost(problem, cells) for cells in pieces]
+        cost = []
+        for cells in pieces:
+            cluster = (reading.pieces, cells.tobytes())
+            if cluster not in self._cluster_costs:
+                self._cluster_costs[cluster] = self._cluster_cost(problem, cells)
+            cost.append(self._cluster_costs[cluster])
         if reading.pieces == "halves":
             sweeps = tuple(bool((self.world.tour.copy[c] != 2).any()) for c in pieces)
         else:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -102,13 +103,10 @@ def stage_times(job: Job) -> Result:
     planner = Planner(world)
     repeats, robots = job["repeats"], job["robots"]
     defaults = {name.split()[0]: reading_of(name) for name in job["readings"]}
-    stages: dict[str, Any] = {
-        "decomposition": lambda: _decompose(free),
+    stages: dict[str, Callable[[], Any]] = {
+        "decomposition": partial(_decompose, free),
         "ECC": world.problem.ecc,
-        **{
-            name: lambda reading=reading: planner.plan(reading, robots)
-            for name, reading in defaults.items()
-        },
+        **{name: partial(planner.plan, reading, robots) for name, reading in defaults.items()},
     }
     times = {}
     for name, stage in stages.items():
@@ -118,14 +116,12 @@ def stage_times(job: Job) -> Result:
             stage()
             best = min(best, time.perf_counter() - begin)
         times[name] = best
+    begin = time.perf_counter()
     strips = strips_of(free, world)
-    for name, stage in {
-        "strips and ways": lambda: strips_of(free, world),
-        "lanes": lambda: lane_tours(strips, robots, job["time_budget_s"], 0),
-    }.items():
-        begin = time.perf_counter()
-        stage()
-        times[name] = time.perf_counter() - begin
+    times["strips and ways"] = time.perf_counter() - begin
+    begin = time.perf_counter()
+    lane_tours(strips, robots, job["time_budget_s"], 0)
+    times["minmax"] = time.perf_counter() - begin
     return {
         "graph": graph_figures(world),
         "pixels": int(free.size),

@@ -88,8 +88,33 @@ def clusters(
 
     `neighbours` may be given by who asks often: :func:`neighbours_of` the problem.
     """
-    cells = len(problem.cell_cost)
     neighbours = neighbours_of(problem) if neighbours is None else neighbours
+    owner, load = grow_clusters(problem, robots, reading, neighbours)
+    return with_leftovers(problem, owner, load, reading, neighbours)
+
+
+def with_leftovers(
+    problem: CoverageProblem,
+    owner: IntArray,
+    load: FloatArray,
+    reading: CacReading,
+    neighbours: list[list[int]],
+) -> IntArray:
+    """Return the owners of :func:`grow_clusters` with what was left given away."""
+    robots = len(load)
+    if reading.leftovers == "last":
+        owner = np.where(owner == robots, robots - 1, owner)
+    elif reading.leftovers == "neighbours":
+        owner = owner.copy()
+        _give_leftovers(owner, load.copy(), problem.cell_cost, neighbours, robots)
+    return owner
+
+
+def grow_clusters(
+    problem: CoverageProblem, robots: int, reading: CacReading, neighbours: list[list[int]]
+) -> tuple[IntArray, FloatArray]:
+    """Return (cells,) owners, `robots` for what is left, and (robots,) what each has to do."""
+    cells = len(problem.cell_cost)
     reach = _reach(problem)
     cost = problem.cell_cost
     owner = np.full(cells, robots, dtype=np.int64)  # `robots` means: nobody yet
@@ -113,11 +138,7 @@ def clusters(
             seed = int(far_first[robot])
         load[robot] = way * reach[seed] + cost[seed]
         _grow(robot, seed, owner, load, cost, neighbours, budget, reading)
-    if reading.leftovers == "last":
-        owner[owner == robots] = robots - 1
-    elif reading.leftovers == "neighbours":
-        _give_leftovers(owner, load, cost, neighbours, robots)
-    return owner
+    return owner, load
 
 
 def _grow(
