@@ -13,8 +13,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import rustworkx as rx
 
-from mrmission.model import BoolArray
+from mrmission.decomposition.cells import decompose
+from mrmission.decomposition.slices import slices_of_grid
+from mrmission.model import BoolArray, OccupancyGrid
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,22 +92,21 @@ def largest_part(free: BoolArray) -> BoolArray:
     >>> largest_part(np.array([[True, False], [True, True], [False, True]])).sum()
     np.int64(4)
     """
-    left = free.copy()
-    best = np.zeros_like(free)
-    while left.any():
-        part = np.zeros_like(free)
-        part[np.unravel_index(int(np.argmax(left)), free.shape)] = True
-        while True:
-            grown = part.copy()
-            grown[1:] |= part[:-1]
-            grown[:-1] |= part[1:]
-            grown[:, 1:] |= part[:, :-1]
-            grown[:, :-1] |= part[:, 1:]
-            grown &= free
-            if (grown == part).all():
-                break
-            part = grown
-        if part.sum() > best.sum():
-            best = part
-        left &= ~part
-    return best
+    grid = OccupancyGrid(free=free, column_pitch_m=1.0, row_pitch_m=1.0, origin_m=(0.0, 0.0))
+    done = decompose(slices_of_grid(grid))
+    graph = rx.PyGraph(multigraph=True)
+    graph.add_nodes_from(range(len(done.reeb.node_m)))
+    graph.add_edges_from_no_data(
+        list(zip(done.reeb.tail.tolist(), done.reeb.head.tolist(), strict=True))
+    )
+    part_of = np.zeros(len(done.reeb.node_m), dtype=np.int64)
+    for part, nodes in enumerate(sorted(rx.connected_components(graph), key=min)):
+        part_of[list(nodes)] = part
+    of_cell = part_of[done.reeb.tail]
+    largest = int(np.argmax(np.bincount(of_cell, weights=done.cells.area_m2)))
+    out = np.zeros_like(free)
+    slices, cells = done.slices, done.cells
+    for cell in np.flatnonzero(of_cell == largest):
+        for s in cells.slice_index[cells.offsets[cell] : cells.offsets[cell + 1]]:
+            out[slices.column[s], slices.row_start[s] : slices.row_stop[s]] = True
+    return out
