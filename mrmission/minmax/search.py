@@ -1,172 +1,118 @@
-"""The lane planner: whole lanes shared among robots so that the longest tour is short.
+"""The search of the lane planner: lines shared among robots so that the longest tour is short.
 
-Lanes are visited in either direction. A nearest-neighbour tour over all lanes is split where the
-longest piece is shortest, then improved by annealing over the whole fleet with moves that are
-priced in constant time: segments moved within and between tours, turned round where that helps,
-parts of a tour reversed, tails exchanged.
+Lines are swept in either direction. One tour over all of them is split where the longest piece is
+shortest, then improved by annealing over the whole fleet with moves that are priced in constant
+time: segments moved within and between tours, turned round where that helps, segments of two tours
+exchanged, parts of a tour reversed, tails exchanged.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from mrmission.model import FloatArray, IntArray
+from mrmission.minmax.problem import LaneProblem, LaneTours, tour_cost
+from mrmission.minmax.split import giant_tour, split_tour
+from mrmission.minmax.travel import travel_s
 
-STEPS_PER_SECOND = 3_000_000
+__all__ = ["STEPS_PER_SECOND", "LaneProblem", "LaneTours", "minmax", "tour_cost"]
+
+STEPS_PER_SECOND = 2_500_000
 """Search steps that stand for one second of `time_budget`: the answer depends on the budget and
 the seed, never on the machine's speed."""
-NEIGHBOURS = 10
-MAX_SEGMENT = 6
+NEIGHBOURS = 12
+MAX_SEGMENT = 8
 FIRST_POWER, LAST_POWER = 6.0, 160.0
 FIRST_HEAT, LAST_HEAT = 0.1, 0.001
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LaneProblem:
-    """Lanes with two ends each; end ``2i`` and ``2i + 1`` are the ends of lane ``i``.
-
-    Attributes
-    ----------
-    lane_cost
-        (lanes,) cost of sweeping each lane.
-    end_cost
-        (2·lanes, 2·lanes) symmetric cost of travel between ends, a metric.
-    home_cost
-        (robots, 2·lanes) cost of travel between each robot's home and the ends.
-    """
-
-    lane_cost: FloatArray
-    end_cost: FloatArray
-    home_cost: FloatArray
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LaneTours:
-    """Per robot the ends at which lanes are entered, in order, and the cost of each tour."""
-
-    entries: tuple[IntArray, ...]
-    cost: FloatArray
+FEW_HEAT = 6.0
+"""Where robots have few lines each, a move changes much: the heat at first is so much over the
+lines per robot, if that is more."""
+LOOK_STEPS, FEW_LINES = 1024, 200
+"""So many steps at least lie between looks at whether the tours are the best so far; few lines are
+looked at whenever they change."""
 
 
 def minmax(problem: LaneProblem, time_budget_s: float = 5.0, seed: int = 0) -> LaneTours:
-    """Share lanes among the robots so that the costliest tour costs little.
+    """Share lines among the robots so that the costliest tour costs little.
 
     Parameters
     ----------
     problem
-        Lanes, travel and homes; the number of robots is the number of homes.
+        Lines, travel and homes; the number of robots is the number of homes.
     time_budget_s
         How long to search, in units of :data:`STEPS_PER_SECOND` steps; 0 gives the split tour.
     seed
         Of the search's own generator: same problem, budget and seed, same tours.
     """
-    lanes, robots = len(problem.lane_cost), len(problem.home_cost)
-    order = _nearest_neighbour(problem)
-    routes, sizes = _split(problem, order, robots)
+    lanes, robots = len(problem.lane_cost), problem.robots
+    routes, sizes = split_tour(problem, giant_tour(problem))
     cost = np.array(
         [tour_cost(problem, r, routes[r, : sizes[r]]) for r in range(robots)], dtype=np.float64
     )
     steps = int(time_budget_s * STEPS_PER_SECOND)
     if steps > 0 and lanes > 1:
-        near = _neighbours(problem)
-        state = np.array([(seed * 2654435761 + 88172645463325252) % 2**63], dtype=np.uint64)
-        cost = _anneal(
-            routes,
-            sizes,
-            cost,
-            np.ascontiguousarray(problem.lane_cost),
-            np.ascontiguousarray(problem.end_cost),
-            np.ascontiguousarray(problem.home_cost),
-            near,
-            steps,
-            state,
-        )
+        cost = _search(problem, routes, sizes, cost, steps, seed)
     return LaneTours(
         entries=tuple(routes[r, : sizes[r]].astype(np.int64) for r in range(robots)), cost=cost
     )
 
 
-def tour_cost(problem: LaneProblem, robot: int, entries: npt.NDArray[np.integer]) -> float:
-    """Return the cost of one tour from the robot's home over the lanes and back."""
-    if len(entries) == 0:
-        return 0.0
-    exits = entries ^ 1
-    return float(
-        problem.home_cost[robot, entries[0]]
-        + problem.lane_cost[entries >> 1].sum()
-        + problem.end_cost[exits[:-1], entries[1:]].sum()
-        + problem.home_cost[robot, exits[-1]]
+def _search(
+    problem: LaneProblem,
+    routes: npt.NDArray[np.int32],
+    sizes: npt.NDArray[np.int32],
+    cost: npt.NDArray[np.float64],
+    steps: int,
+    seed: int,
+) -> npt.NDArray[np.float64]:
+    """Improve the routes in place; return their costs."""
+    sweep, travel = problem.scales()
+    if problem.end_cost is not None:
+        ends, near = np.ascontiguousarray(problem.end_cost), _neighbours(problem.end_cost)
+        arrays, second_s, price = _NO_ARRAYS, _NO_SECONDS, _NO_PRICE
+    else:
+        assert problem.sparse is not None  # one of both is given
+        ends, near = np.zeros((0, 0)), problem.sparse.near
+        arrays, second_s = problem.sparse.arrays, problem.sparse.second_s
+        price = problem.sparse.price
+    state = np.array([(seed * 2654435761 + 88172645463325252) % 2**63], dtype=np.uint64)
+    out: npt.NDArray[np.float64] = _anneal(
+        routes,
+        sizes,
+        cost,
+        np.ascontiguousarray(problem.lane_cost),
+        ends,
+        arrays,
+        second_s,
+        price,
+        np.ascontiguousarray(problem.home_cost),
+        sweep,
+        travel,
+        near,
+        steps,
+        state,
     )
+    return out
 
 
-def _nearest_neighbour(problem: LaneProblem) -> IntArray:
-    """Return entry ends of all lanes, each lane the nearest to where the one before ends."""
-    ends = problem.end_cost.copy()
-    left = np.ones(len(ends), dtype=bool)
-    at = int(np.argmin(problem.home_cost[0]))
-    out = []
-    while True:
-        out.append(at)
-        left[at] = left[at ^ 1] = False
-        if not left.any():
-            return np.array(out, dtype=np.int64)
-        away = np.where(left, ends[at ^ 1], np.inf)
-        at = int(np.argmin(away))
+_NO_ARRAYS = (
+    np.zeros((0, 4)),
+    np.zeros(0, np.int32),
+    np.zeros(1, np.int64),
+    np.zeros(0, np.int32),
+    np.zeros(0, np.float32),
+    np.zeros((0, 5), np.float32),
+)
+_NO_SECONDS = np.zeros(0, np.float32)
+_NO_PRICE = (np.zeros((0, 2)), np.zeros(0), np.zeros(1), np.zeros(3))
 
 
-def _split(
-    problem: LaneProblem, order: IntArray, robots: int
-) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
-    """Cut a tour over all lanes into at most `robots` pieces, the costliest as cheap as can be."""
-    lanes = len(order)
-    to_home = problem.home_cost.mean(axis=0)
-    exits = order ^ 1
-    through = np.concatenate(
-        [
-            [0.0],
-            np.cumsum(problem.lane_cost[order[1:] >> 1] + problem.end_cost[exits[:-1], order[1:]]),
-        ]
-    )
-
-    def pieces(limit: float) -> list[int] | None:
-        borders = [0]
-        while borders[-1] < lanes:
-            a = borders[-1]
-            fixed = to_home[order[a]] + problem.lane_cost[order[a] >> 1] - through[a]
-            fits = through[a:] + fixed + to_home[exits[a:]] <= limit
-            if not fits[0] or len(borders) > robots:
-                return None
-            borders.append(a + (len(fits) if fits.all() else int(np.argmin(fits))))
-        return borders
-
-    low, high = 0.0, float(through[-1] + problem.lane_cost.max() + 2 * to_home.max())
-    for _ in range(60):
-        middle = (low + high) / 2
-        low, high = (low, middle) if pieces(middle) else (middle, high)
-    borders = pieces(high) or [0, lanes]
-    while len(borders) <= robots:  # no robot idles while another has more than one lane
-        width = np.diff(borders)
-        widest = np.argmax(width).item()
-        if width[widest] < 2:
-            break
-        borders.insert(widest + 1, borders[widest] + int(width[widest]) // 2)
-    routes = np.zeros((robots, lanes), dtype=np.int32)
-    sizes = np.zeros(robots, dtype=np.int32)
-    for r, (a, b) in enumerate(pairwise(borders)):
-        routes[r, : b - a] = order[a:b]
-        sizes[r] = b - a
-    return routes, sizes
-
-
-def _neighbours(problem: LaneProblem) -> npt.NDArray[np.int32]:
-    """Return for each end the nearest ends of other lanes, nearest first."""
-    ends = problem.end_cost.copy()
+def _neighbours(end_cost: npt.NDArray[np.float64]) -> npt.NDArray[np.int32]:
+    """Return for each end the nearest ends of other lines, nearest first."""
+    ends = end_cost.copy()
     n = len(ends)
     here = np.arange(n)
     ends[here, here] = np.inf
@@ -177,7 +123,7 @@ def _neighbours(problem: LaneProblem) -> npt.NDArray[np.int32]:
     return np.ascontiguousarray(np.take_along_axis(part, rank, axis=1).astype(np.int32))
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def _next_random(x):  # type: ignore[no-untyped-def]
     """Return the next state of a xorshift generator of 64 bits."""
     x ^= x << np.uint64(13)
@@ -185,26 +131,58 @@ def _next_random(x):  # type: ignore[no-untyped-def]
     return x ^ (x << np.uint64(17))
 
 
-@njit(cache=True)
-def _book(r, routes, sizes, lane, ends, home, route_of, place_of, pre):  # type: ignore[no-untyped-def]
-    """Write down where the lanes of tour `r` are, and the cost from home to the exit of each."""
+@njit(cache=True, error_model="numpy")
+def _way(ends, arrays, second_s, price, e, f):  # type: ignore[no-untyped-def]
+    """Return the cost of travel between two ends, from the matrix or from the table."""
+    if len(ends):
+        return ends[e, f]
+    return travel_s(arrays, second_s, price, e, f)
+
+
+@njit(cache=True, error_model="numpy")
+def _book(r, routes, sizes, lane, ends, arrays, second_s, price, route_of, place_of, swept, gone):  # type: ignore[no-untyped-def]
+    """Write down where the lines of tour `r` are, what is swept up to each, and the ways so far."""
     for i in range(sizes[r]):
         e = routes[r, i]
         route_of[e >> 1] = r
         place_of[e >> 1] = i
-        before = home[r, e] if i == 0 else pre[r, i - 1] + ends[routes[r, i - 1] ^ 1, e]
-        pre[r, i] = before + lane[e >> 1]
+        if i == 0:
+            swept[r, 0] = lane[e >> 1]
+            gone[r, 0] = 0.0
+        else:
+            swept[r, i] = swept[r, i - 1] + lane[e >> 1]
+            gone[r, i] = gone[r, i - 1] + _way(
+                ends, arrays, second_s, price, routes[r, i - 1] ^ 1, e
+            )
 
 
-@njit(cache=True)
-def _anneal(routes, sizes, cost, lane, ends, home, near, steps, state):  # type: ignore[no-untyped-def]
+@njit(cache=True, error_model="numpy")
+def _anneal(  # type: ignore[no-untyped-def]
+    routes,
+    sizes,
+    cost,
+    lane,
+    ends,
+    arrays,
+    second_s,
+    price,
+    home,
+    sweep,
+    travel,
+    near,
+    steps,
+    state,
+):
     """Improve the routes in place; return their costs. See the module for the moves."""
     robots, lanes = routes.shape
     route_of = np.zeros(lanes, np.int32)
     place_of = np.zeros(lanes, np.int32)
-    pre = np.zeros((robots, lanes))  # cost from home to the exit of each place
+    swept = np.zeros((robots, lanes))  # cost of sweeping from the first line to each, unscaled
+    gone = np.zeros((robots, lanes))  # cost of the ways between them, without the way from home
     for r in range(robots):
-        _book(r, routes, sizes, lane, ends, home, route_of, place_of, pre)
+        _book(
+            r, routes, sizes, lane, ends, arrays, second_s, price, route_of, place_of, swept, gone
+        )
     best = routes.copy()
     best_sizes = sizes.copy()
     best_cost = cost.copy()
@@ -215,18 +193,20 @@ def _anneal(routes, sizes, cost, lane, ends, home, near, steps, state):  # type:
     top = np.argmax(cost)
     x = state[0]
     power = FIRST_POWER
-    heat = FIRST_HEAT
+    first_heat = max(FIRST_HEAT, FEW_HEAT * robots / lanes)
+    heat = first_heat
     reference = cost.max()
+    look = 0
     for step in range(steps):
         if step % 256 == 0:
             done = step / steps
             power = FIRST_POWER * (LAST_POWER / FIRST_POWER) ** done
-            heat = FIRST_HEAT * (LAST_HEAT / FIRST_HEAT) ** done
-            reference = cost.max()
+            heat = first_heat * (LAST_HEAT / first_heat) ** done
             top = np.argmax(cost)
+            reference = cost[top]
         x = _next_random(x)
         random = np.int64(x >> np.uint64(2))
-        # the end e of a lane is to be joined to a near end f of another
+        # the end e of a line is to be joined to a near end f of another
         if random & 1 and sizes[top] > 0:
             i = (random >> 8) % sizes[top]
             own = routes[top, i] >> 1
@@ -238,11 +218,12 @@ def _anneal(routes, sizes, cost, lane, ends, home, near, steps, state):  # type:
         b, p = route_of[f >> 1], place_of[f >> 1]
         e_is_exit = routes[a, s] != e
         f_is_exit = routes[b, p] != f
-        kind = (random >> 3) & 3
+        kind = (random >> 3) & 7
         x = _next_random(x)
         luck = -math.log((np.float64(x >> np.uint64(11)) + 0.5) / 9007199254740992.0) * heat
         na, nb = sizes[a], sizes[b]
-        if kind < 2:  # move a segment that begins (or ends) with e next to f
+        if kind < 4 or (kind < 6 and a != b):
+            # a segment that begins (or ends) with e goes next to f
             m = 1 + (random >> 50) % MAX_SEGMENT
             if e_is_exit:
                 first, last = max(0, s - m + 1), s
@@ -250,42 +231,54 @@ def _anneal(routes, sizes, cost, lane, ends, home, near, steps, state):  # type:
                 first, last = s, min(na - 1, s + m - 1)
             if a == b and first <= p <= last:
                 continue
+            count = last - first + 1
             head, tail = routes[a, first], routes[a, last] ^ 1  # the segment's outer ends
-            inner = pre[a, last] - pre[a, first] + lane[head >> 1]
-            into = home[a, head] if first == 0 else ends[routes[a, first - 1] ^ 1, head]
-            out = home[a, tail] if last == na - 1 else ends[tail, routes[a, last + 1]]
-            if first == 0 and last == na - 1:
-                join = 0.0
-            elif first == 0:
-                join = home[a, routes[a, last + 1]]
-            elif last == na - 1:
-                join = home[a, routes[a, first - 1] ^ 1]
-            else:
-                join = ends[routes[a, first - 1] ^ 1, routes[a, last + 1]]
+            inner_swept = swept[a, last] - swept[a, first] + lane[head >> 1]
+            inner_gone = gone[a, last] - gone[a, first]
             # the segment goes after place p when f is p's exit, before it otherwise
             at = p + 1 if f_is_exit else p
             if a == b and (at == first or at == last + 1):
                 continue
             forward = e_is_exit != f_is_exit
-            enter = head if forward else tail
-            leave = tail if forward else head
-            left = home[b, enter] if at == 0 else ends[routes[b, at - 1] ^ 1, enter]
-            right = home[b, leave] if at == nb else ends[leave, routes[b, at]]
-            if at == 0:
-                gap = home[b, routes[b, 0]]
-            elif at == nb:
-                gap = home[b, routes[b, nb - 1] ^ 1]
-            else:
-                gap = ends[routes[b, at - 1] ^ 1, routes[b, at]]
             if a == b:
-                new_a = cost[a] - into - out + join + left + right - gap
+                before = -1 if first == 0 else routes[a, first - 1] ^ 1
+                after = -1 if last == na - 1 else routes[a, last + 1]
+                new_a = cost[a]
+                if before < 0:
+                    new_a += home[a, after] - home[a, head]
+                    new_a -= travel[a] * _way(ends, arrays, second_s, price, tail, after)
+                elif after < 0:
+                    new_a += home[a, before] - home[a, tail]
+                    new_a -= travel[a] * _way(ends, arrays, second_s, price, before, head)
+                else:
+                    new_a += travel[a] * (
+                        _way(ends, arrays, second_s, price, before, after)
+                        - _way(ends, arrays, second_s, price, before, head)
+                        - _way(ends, arrays, second_s, price, tail, after)
+                    )
+                enter = head if forward else tail
+                leave = tail if forward else head
+                if at == 0:
+                    new_a += home[a, enter] - home[a, routes[a, 0]]
+                    new_a += travel[a] * _way(ends, arrays, second_s, price, leave, routes[a, 0])
+                elif at == na:
+                    new_a += home[a, leave] - home[a, routes[a, na - 1] ^ 1]
+                    new_a += travel[a] * _way(
+                        ends, arrays, second_s, price, routes[a, na - 1] ^ 1, enter
+                    )
+                else:
+                    new_a += travel[a] * (
+                        _way(ends, arrays, second_s, price, routes[a, at - 1] ^ 1, enter)
+                        + _way(ends, arrays, second_s, price, leave, routes[a, at])
+                        - _way(ends, arrays, second_s, price, routes[a, at - 1] ^ 1, routes[a, at])
+                    )
                 gain = (new_a / reference) ** power - (cost[a] / reference) ** power
                 if gain > luck:
                     continue
                 k = 0
                 for i in range(na + 1):
                     if i == at:
-                        for j in range(last - first + 1):
+                        for j in range(count):
                             if forward:
                                 scratch[k] = routes[a, first + j]
                             else:
@@ -297,29 +290,109 @@ def _anneal(routes, sizes, cost, lane, ends, home, near, steps, state):  # type:
                 for i in range(na):
                     routes[a, i] = scratch[i]
             else:
-                new_a = cost[a] - into - out - inner + join
-                if na == last - first + 1:
-                    new_a = 0.0
-                new_b = cost[b] + left + right - gap + inner
+                # what comes back from b: nothing, or the lines beyond f, up to `back` of them
+                back = 0
+                if kind >= 4:
+                    x = _next_random(x)
+                    back = 1 + np.int64(x >> np.uint64(5)) % MAX_SEGMENT
+                if f_is_exit:
+                    first_b, last_b = at, min(nb - 1, at + back - 1)
+                else:
+                    first_b, last_b = max(0, at - back), at - 1
+                back = last_b - first_b + 1
+                if back == 0 and count == na:
+                    continue  # a would idle
+                before_a = -1 if first == 0 else routes[a, first - 1] ^ 1
+                after_a = -1 if last == na - 1 else routes[a, last + 1]
+                before_b = -1 if first_b == 0 else routes[b, first_b - 1] ^ 1
+                after_b = -1 if last_b == nb - 1 else routes[b, last_b + 1]
+                # cost of a's and b's rests as they are, without what joins them
+                new_a = cost[a] - sweep[a] * inner_swept - travel[a] * inner_gone
+                if before_a < 0:
+                    new_a -= home[a, head]
+                else:
+                    new_a -= travel[a] * _way(ends, arrays, second_s, price, before_a, head)
+                if after_a < 0:
+                    new_a -= home[a, tail]
+                else:
+                    new_a -= travel[a] * _way(ends, arrays, second_s, price, tail, after_a)
+                enter = head if forward else tail
+                leave = tail if forward else head
+                new_b = cost[b] + sweep[b] * inner_swept + travel[b] * inner_gone
+                if before_b < 0:
+                    new_b += home[b, enter]
+                else:
+                    new_b += travel[b] * _way(ends, arrays, second_s, price, before_b, enter)
+                if after_b < 0:
+                    new_b += home[b, leave]
+                else:
+                    new_b += travel[b] * _way(ends, arrays, second_s, price, leave, after_b)
+                back_forward = True
+                if back == 0:
+                    if before_b < 0:
+                        new_b -= home[b, after_b]
+                    elif after_b < 0:
+                        new_b -= home[b, before_b]
+                    else:
+                        new_b -= travel[b] * _way(ends, arrays, second_s, price, before_b, after_b)
+                    if before_a < 0 and after_a < 0:
+                        continue
+                    if before_a < 0:
+                        new_a += home[a, after_a]
+                    elif after_a < 0:
+                        new_a += home[a, before_a]
+                    else:
+                        new_a += travel[a] * _way(ends, arrays, second_s, price, before_a, after_a)
+                else:
+                    head_b, tail_b = routes[b, first_b], routes[b, last_b] ^ 1
+                    back_swept = swept[b, last_b] - swept[b, first_b] + lane[head_b >> 1]
+                    back_gone = gone[b, last_b] - gone[b, first_b]
+                    new_b -= sweep[b] * back_swept + travel[b] * back_gone
+                    if before_b < 0:
+                        new_b -= home[b, head_b]
+                    else:
+                        new_b -= travel[b] * _way(ends, arrays, second_s, price, before_b, head_b)
+                    if after_b < 0:
+                        new_b -= home[b, tail_b]
+                    else:
+                        new_b -= travel[b] * _way(ends, arrays, second_s, price, tail_b, after_b)
+                    new_a += sweep[a] * back_swept + travel[a] * back_gone
+                    straight, turned = 0.0, 0.0
+                    if before_a < 0:
+                        straight += home[a, head_b]
+                        turned += home[a, tail_b]
+                    else:
+                        straight += travel[a] * _way(
+                            ends, arrays, second_s, price, before_a, head_b
+                        )
+                        turned += travel[a] * _way(ends, arrays, second_s, price, before_a, tail_b)
+                    if after_a < 0:
+                        straight += home[a, tail_b]
+                        turned += home[a, head_b]
+                    else:
+                        straight += travel[a] * _way(ends, arrays, second_s, price, tail_b, after_a)
+                        turned += travel[a] * _way(ends, arrays, second_s, price, head_b, after_a)
+                    back_forward = straight <= turned
+                    new_a += min(straight, turned)
                 gain = (
                     (new_a / reference) ** power
                     + (new_b / reference) ** power
                     - (cost[a] / reference) ** power
                     - (cost[b] / reference) ** power
                 )
-                if gain > luck or na == last - first + 1:
+                if gain > luck:
                     continue
-                count = last - first + 1
                 for i in range(count):
                     scratch[i] = routes[a, first + i] if forward else routes[a, last - i] ^ 1
-                for i in range(first, na - count):
-                    routes[a, i] = routes[a, i + count]
-                for i in range(nb - 1, at - 1, -1):
-                    routes[b, i + count] = routes[b, i]
-                for i in range(count):
-                    routes[b, at + i] = scratch[i]
-                sizes[a] -= count
-                sizes[b] += count
+                for i in range(back):
+                    if back_forward:
+                        scratch_b[i] = routes[b, first_b + i]
+                    else:
+                        scratch_b[i] = routes[b, last_b - i] ^ 1
+                _replace(routes, a, na, first, count, scratch_b, back)
+                _replace(routes, b, nb, first_b, back, scratch, count)
+                sizes[a] += back - count
+                sizes[b] += count - back
         elif a == b:  # reverse what lies between e and f
             if e_is_exit != f_is_exit:
                 continue
@@ -330,18 +403,23 @@ def _anneal(routes, sizes, cost, lane, ends, home, near, steps, state):  # type:
             if last < first:
                 continue
             head, tail = routes[a, first], routes[a, last] ^ 1
+            new_a = cost[a]
             if first == 0:
-                old_in, new_in = home[a, head], home[a, tail]
+                new_a += home[a, tail] - home[a, head]
             else:
-                old_in, new_in = (
-                    ends[routes[a, first - 1] ^ 1, head],
-                    ends[routes[a, first - 1] ^ 1, tail],
+                before = routes[a, first - 1] ^ 1
+                new_a += travel[a] * (
+                    _way(ends, arrays, second_s, price, before, tail)
+                    - _way(ends, arrays, second_s, price, before, head)
                 )
             if last == na - 1:
-                old_out, new_out = home[a, tail], home[a, head]
+                new_a += home[a, head] - home[a, tail]
             else:
-                old_out, new_out = ends[tail, routes[a, last + 1]], ends[head, routes[a, last + 1]]
-            new_a = cost[a] - old_in - old_out + new_in + new_out
+                after = routes[a, last + 1]
+                new_a += travel[a] * (
+                    _way(ends, arrays, second_s, price, head, after)
+                    - _way(ends, arrays, second_s, price, tail, after)
+                )
             gain = (new_a / reference) ** power - (cost[a] / reference) ** power
             if gain > luck:
                 continue
@@ -351,66 +429,51 @@ def _anneal(routes, sizes, cost, lane, ends, home, near, steps, state):  # type:
                 first += 1
                 last -= 1
         else:  # exchange tails so that e and f meet
-            # turn both tours so that e is an exit and f an entry: costs are symmetric
-            cut_a = s + 1 if e_is_exit else s  # places of a before the cut
+            cut_a = s + 1 if e_is_exit else s  # lines of a before the cut
             cut_b = p + 1 if f_is_exit else p
-            ahead_a = pre[a, cut_a - 1] if cut_a > 0 else 0.0  # home .. exit before the cut
-            behind_a = cost[a] - pre[a, cut_a] + lane[routes[a, cut_a] >> 1] if cut_a < na else 0.0
-            ahead_b = pre[b, cut_b - 1] if cut_b > 0 else 0.0
-            behind_b = cost[b] - pre[b, cut_b] + lane[routes[b, cut_b] >> 1] if cut_b < nb else 0.0
-            # behind: from the entry after the cut to home
-            if e_is_exit != f_is_exit:
-                # a's head with b's tail, b's head with a's tail
-                if cut_a + nb - cut_b == 0 or cut_b + na - cut_a == 0:
+            crossed = e_is_exit != f_is_exit  # heads keep their direction
+            # unscaled: what each of the four parts sweeps, and the ways within it
+            hs_a = swept[a, cut_a - 1] if cut_a > 0 else 0.0
+            hg_a = gone[a, cut_a - 1] if cut_a > 0 else 0.0
+            ts_a = swept[a, na - 1] - hs_a
+            tg_a = gone[a, na - 1] - gone[a, cut_a] if cut_a < na else 0.0
+            hs_b = swept[b, cut_b - 1] if cut_b > 0 else 0.0
+            hg_b = gone[b, cut_b - 1] if cut_b > 0 else 0.0
+            ts_b = swept[b, nb - 1] - hs_b
+            tg_b = gone[b, nb - 1] - gone[b, cut_b] if cut_b < nb else 0.0
+            # the ends at both sides of the cuts, and the outer ones; -1: nothing on that side
+            in_a = routes[a, cut_a - 1] ^ 1 if cut_a > 0 else -1
+            out_a = routes[a, cut_a] if cut_a < na else -1
+            in_b = routes[b, cut_b - 1] ^ 1 if cut_b > 0 else -1
+            out_b = routes[b, cut_b] if cut_b < nb else -1
+            first_a, last_a = routes[a, 0], routes[a, na - 1] ^ 1
+            first_b, last_b = routes[b, 0], routes[b, nb - 1] ^ 1
+            if crossed:
+                if (in_a < 0 and out_b < 0) or (in_b < 0 and out_a < 0):
                     continue
-                new_a = ahead_a
-                new_b = ahead_b
-                if cut_b < nb:
-                    last_b = routes[b, nb - 1] ^ 1
-                    new_a += behind_b - home[b, last_b] + home[a, last_b]
-                    new_a += (
-                        home[a, routes[b, cut_b]]
-                        if cut_a == 0
-                        else ends[routes[a, cut_a - 1] ^ 1, routes[b, cut_b]]
-                    )
-                else:
-                    new_a += home[a, routes[a, cut_a - 1] ^ 1]
-                if cut_a < na:
-                    last_a = routes[a, na - 1] ^ 1
-                    new_b += behind_a - home[a, last_a] + home[b, last_a]
-                    new_b += (
-                        home[b, routes[a, cut_a]]
-                        if cut_b == 0
-                        else ends[routes[b, cut_b - 1] ^ 1, routes[a, cut_a]]
-                    )
-                else:
-                    new_b += home[b, routes[b, cut_b - 1] ^ 1]
+                new_a = sweep[a] * (hs_a + ts_b) + travel[a] * (hg_a + tg_b)
+                new_a += home[a, first_a] if in_a >= 0 else home[a, out_b]
+                new_a += home[a, last_b] if out_b >= 0 else home[a, in_a]
+                if in_a >= 0 and out_b >= 0:
+                    new_a += travel[a] * _way(ends, arrays, second_s, price, in_a, out_b)
+                new_b = sweep[b] * (hs_b + ts_a) + travel[b] * (hg_b + tg_a)
+                new_b += home[b, first_b] if in_b >= 0 else home[b, out_a]
+                new_b += home[b, last_a] if out_a >= 0 else home[b, in_b]
+                if in_b >= 0 and out_a >= 0:
+                    new_b += travel[b] * _way(ends, arrays, second_s, price, in_b, out_a)
             else:
-                # a's head with b's head turned, a's tail turned with b's tail
-                if cut_a + cut_b == 0 or (na - cut_a) + (nb - cut_b) == 0:
+                if (in_a < 0 and in_b < 0) or (out_a < 0 and out_b < 0):
                     continue
-                new_a = ahead_a
-                if cut_b > 0:
-                    first_b = routes[b, 0]
-                    new_a += ahead_b - home[b, first_b] + home[a, first_b]
-                    new_a += (
-                        home[a, routes[b, cut_b - 1] ^ 1]
-                        if cut_a == 0
-                        else ends[routes[a, cut_a - 1] ^ 1, routes[b, cut_b - 1] ^ 1]
-                    )
-                else:
-                    new_a += home[a, routes[a, cut_a - 1] ^ 1]
-                new_b = behind_b
-                if cut_a < na:
-                    last_a = routes[a, na - 1] ^ 1
-                    new_b += behind_a - home[a, last_a] + home[b, last_a]
-                    new_b += (
-                        home[b, routes[a, cut_a]]
-                        if cut_b == nb
-                        else ends[routes[a, cut_a], routes[b, cut_b]]
-                    )
-                else:
-                    new_b += home[b, routes[b, cut_b]]
+                new_a = sweep[a] * (hs_a + hs_b) + travel[a] * (hg_a + hg_b)
+                new_a += home[a, first_a] if in_a >= 0 else home[a, in_b]
+                new_a += home[a, first_b] if in_b >= 0 else home[a, in_a]
+                if in_a >= 0 and in_b >= 0:
+                    new_a += travel[a] * _way(ends, arrays, second_s, price, in_a, in_b)
+                new_b = sweep[b] * (ts_a + ts_b) + travel[b] * (tg_a + tg_b)
+                new_b += home[b, last_a] if out_a >= 0 else home[b, out_b]
+                new_b += home[b, last_b] if out_b >= 0 else home[b, out_a]
+                if out_a >= 0 and out_b >= 0:
+                    new_b += travel[b] * _way(ends, arrays, second_s, price, out_a, out_b)
             gain = (
                 (new_a / reference) ** power
                 + (new_b / reference) ** power
@@ -423,7 +486,7 @@ def _anneal(routes, sizes, cost, lane, ends, home, near, steps, state):  # type:
             for i in range(cut_a):
                 scratch[ka] = routes[a, i]
                 ka += 1
-            if e_is_exit != f_is_exit:
+            if crossed:
                 for i in range(cut_b, nb):
                     scratch[ka] = routes[b, i]
                     ka += 1
@@ -453,17 +516,56 @@ def _anneal(routes, sizes, cost, lane, ends, home, near, steps, state):  # type:
             r = a if turn == 0 else b
             if turn == 1 and a == b:
                 break
-            _book(r, routes, sizes, lane, ends, home, route_of, place_of, pre)
+            _book(
+                r,
+                routes,
+                sizes,
+                lane,
+                ends,
+                arrays,
+                second_s,
+                price,
+                route_of,
+                place_of,
+                swept,
+                gone,
+            )
             n = sizes[r]
-            cost[r] = pre[r, n - 1] + home[r, routes[r, n - 1] ^ 1] if n > 0 else 0.0
-        top_cost = cost.max()
-        if top_cost < best_max - 1e-9 or (top_cost <= best_max and cost.sum() < best_sum - 1e-9):
-            best_max = top_cost
-            best_sum = cost.sum()
-            best[:] = routes
-            best_sizes[:] = sizes
-            best_cost[:] = cost
-    routes[:] = best
+            cost[r] = (
+                home[r, routes[r, 0]]
+                + sweep[r] * swept[r, n - 1]
+                + travel[r] * gone[r, n - 1]
+                + home[r, routes[r, n - 1] ^ 1]
+            )
+        if lanes <= FEW_LINES or step >= look:
+            look = step + LOOK_STEPS
+            top_cost = cost.max()
+            if top_cost < best_max - 1e-9 or (
+                top_cost <= best_max and cost.sum() < best_sum - 1e-9
+            ):
+                best_max, best_sum = top_cost, cost.sum()
+                for r in range(robots):
+                    best[r, : sizes[r]] = routes[r, : sizes[r]]
+                best_sizes[:] = sizes
+                best_cost[:] = cost
+    if cost.max() < best_max:
+        return cost
+    for r in range(robots):
+        routes[r, : best_sizes[r]] = best[r, : best_sizes[r]]
     sizes[:] = best_sizes
     cost[:] = best_cost
     return cost
+
+
+@njit(cache=True, error_model="numpy")
+def _replace(routes, r, size, first, count, other, many):  # type: ignore[no-untyped-def]
+    """Put `many` entries in the place of `count` entries of tour `r` from `first` on."""
+    shift = many - count
+    if shift < 0:
+        for i in range(first + count, size):
+            routes[r, i + shift] = routes[r, i]
+    elif shift > 0:
+        for i in range(size - 1, first + count - 1, -1):
+            routes[r, i + shift] = routes[r, i]
+    for i in range(many):
+        routes[r, first + i] = other[i]

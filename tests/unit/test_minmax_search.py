@@ -7,7 +7,9 @@ from itertools import permutations, product
 import numpy as np
 import pytest
 
-from mrmission.minmax.search import LaneProblem, _nearest_neighbour, _split, minmax, tour_cost
+from mrmission.minmax.problem import LaneProblem, tour_cost
+from mrmission.minmax.search import minmax
+from mrmission.minmax.split import giant_tour, split_tour
 
 
 def _problem(lanes: int, robots: int, seed: int) -> LaneProblem:
@@ -96,10 +98,10 @@ def test_small_cases_are_solved_to_the_optimum(seed: int) -> None:
 @pytest.mark.parametrize("seed", range(5))
 def test_the_first_split_is_as_even_as_that_order_allows(seed: int) -> None:
     problem = _problem(7, 3, seed)
-    order = _nearest_neighbour(problem)
+    order = giant_tour(problem)
     homes = np.tile(problem.home_cost.mean(axis=0), (3, 1))
     even = LaneProblem(lane_cost=problem.lane_cost, end_cost=problem.end_cost, home_cost=homes)
-    routes, sizes = _split(even, order, 3)
+    routes, sizes = split_tour(even, order)
     got = max(tour_cost(even, r, routes[r, : sizes[r]]) for r in range(3))
     cuts = [
         max(tour_cost(even, r, part) for r, part in enumerate(np.split(order, [a, b])))
