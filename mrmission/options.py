@@ -84,6 +84,7 @@ class PlanOptions:
     starts_lonlat: tuple[tuple[float, float], ...] = ()
     method: str = "minmax"
     angle_deg: float | None = None
+    across_wind_deg: float | None = None
     vehicle: str = "boat"
     altitude_m: float = 30.0
     altitude_above: str = "home"
@@ -228,11 +229,22 @@ class PlanOptions:
                     "cells of lanes and no other lines; give --method minmax"
                 )
         check(
-            self.angle_deg is None or math.isfinite(self.angle_deg),
+            self.angle_deg is None or -180 <= self.angle_deg <= 360,
             "--angle",
             self.angle_deg,
-            "a finite number",
+            "a bearing between -180 and 360 degrees",
         )
+        check(
+            self.across_wind_deg is None or 0 <= self.across_wind_deg <= 360,
+            "--across-wind",
+            self.across_wind_deg,
+            "where the wind or current comes from, between 0 and 360 degrees",
+        )
+        if self.angle_deg is not None and self.across_wind_deg is not None:
+            raise ConfigError(
+                f"--angle {self.angle_deg:g} and --across-wind {self.across_wind_deg:g}: "
+                "both say how the lanes lie; give one of them"
+            )
         check(
             len(self.starts_lonlat) in (0, 1, self.robots),
             "--start",
@@ -296,6 +308,14 @@ class PlanOptions:
                 fence_polygon_points=polygon_points(own.fence_bytes),
             )
         return replace(self, fleet=(), limits=limits, **{n: getattr(own, n) for n in shared})
+
+    @property
+    def bearing_deg(self) -> float | None:
+        """Return the bearing asked for, at least 0 and below 180; None where it is to be found."""
+        asked = self.angle_deg
+        if self.across_wind_deg is not None:
+            asked = self.across_wind_deg + 90.0
+        return None if asked is None else asked % 180.0
 
     @property
     def lanes_alone_count(self) -> bool:

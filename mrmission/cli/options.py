@@ -135,7 +135,16 @@ _PLAN = [
         "angle_deg",
         type=float,
         default=None,
-        help="Compass bearing of the lanes, degrees.  [default: auto]",
+        help="Compass bearing of the lanes, degrees, -180 to 360.  [default: auto, the bearing of "
+        "which plans for this fleet promise most]",
+    ),
+    click.option(
+        "--across-wind",
+        "across_wind_deg",
+        metavar="DEG",
+        type=float,
+        default=None,
+        help="Lanes across a wind or current that comes from DEG, instead of --angle.",
     ),
     click.option(
         "--vehicle",

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import numpy as np
 import shapely
 
 from mrmission.area.berths import berths
 from mrmission.area.legs import leg_tolerance_m
+from mrmission.minmax.angle import choose_bearing
 from mrmission.minmax.planner import lane_tours
 from mrmission.mission.build import LAUNCH_RADIUS_M
 from mrmission.model import FloatArray
@@ -56,7 +58,9 @@ def plan_part(
     spacing = lane_spacing_m(options.swath_m, options.overlap, leg_tolerance_m(options.swath_m))
     homes = _homes(part, water, starts_m, robots, options, spacing, notes)
     own_times = tuple(times[r - 1] for r in robots)
-    sweep = sweep_region(part, _bearing_deg(part, spacing, options, own_times[0]), spacing)
+    harbour = Harbour(part, homes)
+    bearing_deg, options = _bearing_deg(part, harbour, spacing, options, own_times[0])
+    sweep = sweep_region(part, bearing_deg, spacing)
     lines = lines_to_sweep(sweep, part, options)
     work = PartWork(
         region_m=part,
@@ -64,7 +68,7 @@ def plan_part(
         homes_m=homes,
         sweep=sweep,
         lines=lines,
-        harbour=Harbour(part, homes),
+        harbour=harbour,
         uncovered=Uncovered(
             sweep.region, sweep.column_pitch_m, options.swath_m / 2, not_counted(lines, sweep)
         ),
@@ -75,15 +79,28 @@ def plan_part(
 
 
 def _bearing_deg(
-    part: shapely.Polygon, spacing: float, options: PlanOptions, time: TimeModel
-) -> float:
-    """Return the bearing of the lanes, 0 to 180 degrees."""
-    bearing = options.angle_deg
-    if bearing is None:
-        bearing = best_bearing_deg(
-            part, spacing, options.survey_speed_m_s, time.lane_turn_s(spacing)
-        )
-    return bearing % 180.0
+    part: shapely.Polygon,
+    harbour: Harbour,
+    spacing_m: float,
+    options: PlanOptions,
+    time: TimeModel,
+) -> tuple[float, PlanOptions]:
+    """Return the bearing of the lanes, 0 to 180 degrees, and what is left of the time budget."""
+    if options.bearing_deg is not None:
+        return options.bearing_deg, options
+    if options.method != "minmax":
+        turn_s = time.lane_turn_s(spacing_m)
+        return best_bearing_deg(part, spacing_m, options.survey_speed_m_s, turn_s), options
+    choice = choose_bearing(
+        part,
+        harbour,
+        harbour.berths_m,
+        time,
+        spacing_m,
+        time_budget_s=options.time_budget_s,
+        seed=options.seed,
+    )
+    return choice.bearing_deg, replace(options, time_budget_s=choice.budget_left_s)
 
 
 def _homes(

@@ -42,7 +42,7 @@ def draw(seed: int) -> tuple[SurveyArea, PlanOptions]:
         clearance_m=clearance,
         overlap=float(rng.choice([0.0, 0.15])),
         method=str(rng.choice(["crc", "cac", "fhk", "nrc", "auto"])),
-        angle_deg=None if rng.random() < 0.5 else float(rng.uniform(-200, 400)),
+        angle_deg=None if rng.random() < 0.5 else float(rng.uniform(-180, 360)),
         starts_lonlat=tuple(starts),
         limits=VehicleLimits(mission_items=20_000),
     )
