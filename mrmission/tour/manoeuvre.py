@@ -22,6 +22,8 @@ TOLERANCE_M = 1.0
 """Corners of the polyline about an arc lie this far outside it at most, or a WP_RADIUS."""
 MAX_SKIP = 4
 """A way may leave out this many bends of the shortest way less one."""
+FAR_RADII = 8.0
+"""Poses farther apart than this are joined only where they see each other."""
 _AT_ONCE = 8
 _MOST_TRIED = 160
 _CHUNK = 512
@@ -64,6 +66,7 @@ class Waters(BerthWater):
 
     def __init__(self, harbour: Harbour, berth: int, radius_m: float, wp_radius_m: float) -> None:
         super().__init__(harbour, berth)
+        self.hopeless: set[bytes] = set()  # gaps that were found to have no way through
         self.radius_m = radius_m
         self.max_bend_rad = bend_limit_rad(
             radius_m, max(TOLERANCE_M, wp_radius_m), 2.0 * wp_radius_m
@@ -219,8 +222,11 @@ def _extend(
     b = np.tile(np.arange(len(here.poses)), len(open_))
     start, goal = layer.poses[a], here.poses[b]
     # a straight line is the least: what cannot better anything need not be looked for
-    least = cost[a] + np.hypot(*(goal - start)[:, :2].T) + here.cost_m[b]
-    worth = least < best[b]
+    apart = np.hypot(*(goal - start)[:, :2].T)
+    worth = cost[a] + apart + here.cost_m[b] < best[b]
+    # a long way is straight for the most part
+    far = worth & (apart > FAR_RADII * waters.radius_m)
+    worth[far] = waters.harbour.router.visible(start[far, :2], goal[far, :2])
     a, b, start, goal = a[worth], b[worth], start[worth], goal[worth]
     if not len(a):
         return

@@ -225,7 +225,9 @@ def _fill(path: CoveragePath, gaps: Sequence[_Gap], waters: Waters) -> list[Floa
     for i, line in zip(plain, found, strict=True):
         lines[i] = line
     for i, gap in enumerate(gaps):
-        if lines[i] is not None:
+        farthest = (choices.poses[choices.cost_m.argmin()] for choices in (starts[i], goals[i]))
+        key = np.concatenate([*farthest, points[list(gap.must)].ravel()]).round(6).tobytes()
+        if lines[i] is not None or key in waters.hopeless:
             continue
         stops = [points[k] for k in gap.must]
         if i not in plain:
@@ -234,6 +236,8 @@ def _fill(path: CoveragePath, gaps: Sequence[_Gap], waters: Waters) -> list[Floa
             ends = points[gap.first], points[gap.last]
             layers = _layers(starts[i], goals[i], ways[i], stops, waters, ends)
             lines[i] = chain(waters, layers)
+        if lines[i] is None:
+            waters.hopeless.add(key)
     return lines
 
 
