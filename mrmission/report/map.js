@@ -71,8 +71,9 @@
     longestTrack = Math.max(longestTrack, travelled);
     return robot;
   });
+  const conflicts = data.conflicts.map((entry) => ({ ...entry, place: line(entry.place) }));
   const layers = {};
-  const drawn = { ...areas, fences };
+  const drawn = { ...areas, fences, conflicts };
   document.querySelectorAll("input.layer").forEach((box) => {
     layers[box.value] = box.checked;
     // A switch for something that this plan does not have would only puzzle.
@@ -311,6 +312,40 @@
     }
   }
 
+  // A conflict is shown while both of its robots are.
+  const shown = (conflict) =>
+    robots.filter((robot) => robot.on && conflict.robots.includes(robot.robot)).length === 2;
+
+  function paintConflicts() {
+    context.textAlign = "center";
+    context.textBaseline = "middle";
+    context.font = "700 11px system-ui, 'DejaVu Sans', sans-serif";
+    for (let i = conflicts.length - 1; i >= 0; i--) { // the gravest on top
+      const conflict = conflicts[i];
+      if (!shown(conflict)) continue;
+      const x = screenX(conflict.place[0]), y = screenY(conflict.place[1]);
+      if (x < -9 || y < -9 || x > width + 9 || y > height + 9) continue;
+      context.beginPath();
+      context.moveTo(x, y - 8);
+      context.lineTo(x + 8, y + 6);
+      context.lineTo(x - 8, y + 6);
+      context.closePath();
+      context.fillStyle = colours.panel;
+      context.fill();
+      context.strokeStyle = colours.fence;
+      context.lineWidth = 1.6;
+      context.stroke();
+      context.fillStyle = colours.ink;
+      context.fillText("!", x, y + 1.5);
+    }
+  }
+
+  function conflictAt(x, y) {
+    if (!layers.conflicts) return null;
+    const near = ({ place }) => Math.hypot(screenX(place[0]) - x, screenY(place[1]) - y) < 9;
+    return conflicts.find((conflict) => shown(conflict) && near(conflict)) || null;
+  }
+
   function paintStarts() {
     context.textAlign = "center";
     context.textBaseline = "middle";
@@ -404,6 +439,7 @@
     paintLegs();
     if (layers.arrows) paintArrows();
     paintHover();
+    if (layers.conflicts) paintConflicts();
     if (layers.starts) paintStarts();
     paintScale();
     document.documentElement.dataset.drawn = "yes";
@@ -483,9 +519,10 @@
       hover = leg;
       redraw();
     }
-    tip.hidden = !leg;
-    if (!leg) return;
-    if (changed) tip.textContent = legText(leg);
+    const meeting = conflictAt(x, y);
+    tip.hidden = !leg && !meeting;
+    if (tip.hidden) return;
+    tip.textContent = meeting ? meeting.text : legText(leg);
     const box = tip.getBoundingClientRect();
     tip.style.left = Math.max(4, x + 16 + box.width > width ? x - box.width - 12 : x + 16) + "px";
     tip.style.top = Math.max(4, y + 16 + box.height > height ? y - box.height - 12 : y + 16) + "px";

@@ -12,6 +12,7 @@ import shapely
 from mrmission.mission.tracks import line_label
 from mrmission.model import FleetPlan, FloatArray, LegKind, Mission
 from mrmission.report.colours import robot_colour
+from mrmission.report.units import human_duration, human_length
 
 NAVIGATION_COMMANDS = frozenset({16, 17, 18, 19, 21, 22, 31, 82})
 """MAV_CMD_NAV_* with a position: WAYPOINT, LOITER_*, LAND, TAKEOFF, SPLINE_WAYPOINT."""
@@ -227,6 +228,28 @@ def _fences(plan: FleetPlan) -> Iterator[dict[str, Any]]:
         }
 
 
+def _conflicts(plan: FleetPlan) -> list[dict[str, Any]]:
+    """Return where two robots may come too near each other, the gravest first."""
+    found = plan.report.separation.conflicts
+    if not found:
+        return []
+    projection = pyproj.Proj(plan.report.frame)
+    places = [projection(*conflict.lonlat) for conflict in found]
+    return [
+        {
+            "robots": list(conflict.robots),
+            "place": _centimetres(np.array([place])),
+            "text": (
+                f"robots {conflict.robots[0]} and {conflict.robots[1]} may come within "
+                f"{human_length(conflict.least_m)} of each other, "
+                f"{human_duration(conflict.from_s)} to {human_duration(conflict.to_s)} "
+                f"after the start; chance {conflict.chance:.0%}"
+            ),
+        }
+        for conflict, place in zip(found, places, strict=True)
+    ]
+
+
 def _rally(plan: FleetPlan) -> dict[int, list[int]]:
     projection = pyproj.Proj(plan.report.frame)
     found: dict[int, list[int]] = {}
@@ -287,6 +310,7 @@ def map_data(plan: FleetPlan) -> dict[str, Any]:
         "unreached": _rings(unreached_polygons(plan)),
         "cells": _rings(plan.cells_m),
         "fences": list(_fences(plan)),
+        "conflicts": _conflicts(plan),
         "robots": robots,
         "lonlat": lonlat_polynomial(plan),
     }

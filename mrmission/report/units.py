@@ -253,6 +253,7 @@ def fleet_figures(report: FleetReport) -> tuple[tuple[str, str], ...]:
     counted = "navigable region" if report.unreached_m2 <= 0 else "reached part"
     rows = [
         ("Makespan (longest robot)", human_duration(report.makespan_s)),
+        *_delays(report),
         *_bounds(report),
         ("Method", report.method),
         (
@@ -311,6 +312,27 @@ def _bounds(report: FleetReport) -> tuple[tuple[str, str], ...]:
         ("Gap to these lanes' bound", human_gap(report.lanes_gap)),
         *any_plan,
     )
+
+
+def _delays(report: FleetReport) -> list[tuple[str, str]]:
+    """Return how much of the makespan is waiting, and how near robots may come."""
+    out = []
+    tour_s = max((row.duration_s for row in report.robots), default=0.0)
+    if round(report.makespan_s - tour_s) > 0:
+        waiting = human_duration(report.makespan_s - tour_s)
+        out.append(("… of it for start delays", waiting))
+    kept = report.separation
+    least = [pair.least_m for pair in kept.pairs if pair.least_m is not None]
+    if kept.distance_m <= 0 or not least:
+        return out
+    error = f"times ± {kept.time_share:.0%}"
+    if not kept.conflicts:
+        out.append((f"Least distance of two robots, {error}", human_length(min(least))))
+    else:
+        near = sum(1 for value in least if value < kept.distance_m)
+        text = f"{len(kept.conflicts)} places, {near} of {len(kept.pairs)} pairs"
+        out.append((f"May come within {kept.distance_m:g} m, {error}", text))
+    return out
 
 
 def human_length_fine(length_m: float) -> str:

@@ -9,7 +9,9 @@ from dataclasses import replace
 import numpy as np
 
 from mrmission.area.frame import LocalFrame
+from mrmission.area.legs import leg_tolerance_m
 from mrmission.errors import InfeasibleError
+from mrmission.minmax.regions import crossings_m, region_pieces
 from mrmission.mission.build import Route
 from mrmission.model import (
     CoveragePath,
@@ -27,6 +29,7 @@ from mrmission.tour.separation import (
     reversed_path,
     separate,
 )
+from mrmission.tour.sweep import lane_spacing_m
 from mrmission.tour.timing import TimeModel
 
 BERTH_REACH = 3.0
@@ -85,7 +88,18 @@ def launch(
         for r, turned in zip(order, found.turned, strict=True)
     }
     delays = dict(zip(order, found.delay_s.tolist(), strict=True))
-    return sailed, delays, _report(found, order, homes_m, frame)
+    report = _report(found, order, homes_m, frame)
+    if report.distance_m > 0:
+        spacing_m = lane_spacing_m(
+            options.swath_m, options.overlap, leg_tolerance_m(options.swath_m)
+        )
+        paths = [sailed[r].path for r in order]
+        report = replace(
+            report,
+            regions=region_pieces(paths, spacing_m),
+            crossings_m=crossings_m(paths, spacing_m),
+        )
+    return sailed, delays, report
 
 
 def _reversed(route: Route) -> Route:
