@@ -95,7 +95,7 @@ def find_hooks(work: PartWork) -> tuple[Hooks, tuple[SurveyLine, ...]]:
     found, hidden = _in_sight(found, frame.to_local(ends), work)
     lonely.extend(frame.to_local(_as_line(frame.to_sweep(w), None, swath_m)) for w in hidden)
     extra = tuple(
-        SurveyLine(points_m=points, kind=LineKind.EXTRA, name=f"X{i}")
+        SurveyLine(points_m=around_land(points, work), kind=LineKind.EXTRA, name=f"X{i}")
         for i, points in enumerate(lonely, start=1)
     )
     return _listed(found, len(ends) + 2 * len(extra), work.uncovered.radius_m * REACH), extra
@@ -135,6 +135,16 @@ def _as_line(way: FloatArray, view: shapely.Geometry | None, swath_m: float) -> 
             if _length_m(line) > 0 and shapely.covers(view, shapely.LineString(line)):
                 return line
     return np.array([way[0], way[0]])
+
+
+def around_land(way: FloatArray, work: PartWork) -> FloatArray:
+    """Return a line's corners with more where a leg between two of them would leave the region."""
+    hidden = np.flatnonzero(~work.harbour.router.visible(way[:-1], way[1:]))
+    around = work.harbour.paths(way[hidden], way[hidden + 1])
+    out = [way[:1]]
+    detour = dict(zip(hidden.tolist(), around, strict=True))
+    out += [detour[i][1:] if i in detour else way[i + 1 : i + 2] for i in range(len(way) - 1)]
+    return np.concatenate(out)
 
 
 def _length_m(way: FloatArray) -> float:

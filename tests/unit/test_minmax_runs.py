@@ -1,4 +1,4 @@
-"""Runs in the costs: as long as the water allows, and dearer than none."""
+"""Runs in the costs: as long as the water allows, and dearer than none; extras round land."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import shapely
 
-from mrmission.minmax.hooks import find_hooks
+from mrmission.minmax.hooks import around_land, find_hooks
 from mrmission.minmax.runs import part_costs, with_runs
 from mrmission.options import PlanOptions
 from mrmission.routing.harbour import Harbour
@@ -19,20 +19,20 @@ from mrmission.tour.work import PartWork
 LAKE = shapely.box(0, 0, 200, 300)
 
 
-def work_of(options: PlanOptions) -> PartWork:
-    sweep = sweep_region(LAKE, 0.0, 40.0)
+def work_of(options: PlanOptions, lake: shapely.Polygon = LAKE) -> PartWork:
+    sweep = sweep_region(lake, 0.0, 40.0)
     lanes = tuple(
         SurveyLine(points_m=np.array([[x, 10.0], [x, 260.0]]), name=str(i))
         for i, x in enumerate((20.0, 60.0, 100.0, 140.0, 180.0), 1)
     )
     homes = np.array([[5.0, 5.0], [195.0, 5.0]])
     return PartWork(
-        region_m=LAKE,
+        region_m=lake,
         robots=(1, 2),
         homes_m=homes,
         sweep=sweep,
         lines=lanes,
-        harbour=Harbour(LAKE, homes),
+        harbour=Harbour(lake, homes),
         uncovered=Uncovered(sweep.region, 40.0, 20.0),
         times=(time_model(options),) * 2,
         options=options,
@@ -65,3 +65,16 @@ def test_runs_are_counted_at_transit_speed(vehicle: str) -> None:
     # what bounds are made of holds whether a run fits or not
     assert (costs[1].least.lane_cost <= costs[1].problem.lane_cost + 1e-9).all()
     assert costs[1].least.lane_cost == pytest.approx(costs[0].least.lane_cost)
+
+
+def test_extra_lines_go_round_land_between_their_points() -> None:
+    lake = LAKE - shapely.box(70, 100, 90, 140)
+    work = work_of(PlanOptions(robots=2, swath_m=40.0), lake)
+    way = np.array([[20.0, 120.0], [60.0, 120.0], [100.0, 120.0], [100.0, 125.0]])
+    line = around_land(way, work)
+    assert lake.buffer(1e-6).covers(shapely.LineString(line))
+    kept = [tuple(p) for p in line.tolist()]
+    assert [p for p in kept if p in set(map(tuple, way.tolist()))] == list(map(tuple, way.tolist()))
+    assert len(line) > len(way)
+    free = np.array([[20.0, 20.0], [60.0, 30.0]])
+    assert around_land(free, work).tolist() == free.tolist()
