@@ -259,23 +259,23 @@ class TripCutter:
         count = 2
         while True:
             pieces = cut_line(line_m, count)
-            alone = [self._alone(piece) for piece in pieces]
+            alone = [self._gauge.used(self._alone(piece)) for piece in pieces]
             if max(alone) <= self.allowed:
                 # finer still: trips are filled better, and pieces that follow on each other are one
-                return cut_line(line_m, FINER * count)
+                finer = cut_line(line_m, FINER * count)
+                longest = max(self._gauge.used(self._alone(piece)) for piece in finer)
+                return finer if longest <= self.allowed else pieces
             if count >= MOST_PIECES:
                 worst = int(np.argmax(alone))
-                raise TooFarError(
-                    pieces[worst].mean(axis=0), alone[worst] / self.allowed, self._path.robot
-                )
+                raise TooFarError(pieces[worst].mean(axis=0), self._alone(pieces[worst]))
             count = min(MOST_PIECES, count + max(1, count // 3))
 
-    def _alone(self, line_m: FloatArray) -> float:
+    def _alone(self, line_m: FloatArray) -> CoveragePath:
         out, back = self._home_ways(line_m[[0, -1]])
         pieces = [
             (out, LegKind.TRANSIT, 0), (line_m, LegKind.SURVEY, 1), (back[::-1], LegKind.TRANSIT, 0)
         ]  # fmt: skip
-        return self._gauge.used(join_pieces(self._path.robot, pieces))
+        return join_pieces(self._path.robot, pieces)
 
     def fewest(self, allowed: float | None = None) -> list[int] | None:
         """Return the borders of the fewest trips, each filled as far as it goes; None if none do.
@@ -315,38 +315,53 @@ class TripCutter:
                 high = middle
         return low
 
-    def balanced(self) -> list[int]:
-        """Return the borders of the fewest trips, of these the ones whose longest is shortest."""
+    def balanced(self, least: int = 1) -> list[int]:
+        """Return the borders of the fewest trips, of these the ones whose longest is shortest.
+
+        Parameters
+        ----------
+        least
+            At least so many, where there is as much to share.
+        """
         best = self.fewest()
-        if best is None:  # `_fitting` has seen to it
-            raise InfeasibleError("a stretch does not fit into a trip")
-        if len(best) <= 2:
+        if best is None:  # `_fitting` has seen to it, but for a hair
+            worst = max(range(len(self)), key=lambda i: self.used(i, i + 1))
+            raise TooFarError(self._lines[worst].mean(axis=0), self.trip(worst, worst + 1))
+        trips = max(len(best) - 1, least)
+        if trips <= 1:
             return best
         low, high = self.largest(), self.allowed
         for _ in range(_BISECTIONS):
             middle = (low + high) / 2
             found = self.fewest(middle)
-            if found is not None and len(found) <= len(best):
+            if found is not None and len(found) <= trips + 1:
                 best, high = found, middle
             else:
                 low = middle
         return best
 
-    def trips(self) -> list[CoveragePath]:
+    def trips(self, least: int = 1) -> list[CoveragePath]:
         """Return the fewest trips, balanced; one without work is the path itself.
 
         Where stretches are so long that whole ones leave trips half empty, they are cut if that
         saves a trip.
+
+        Parameters
+        ----------
+        least
+            At least so many, where there is as much to share.
         """
         if not len(self):
             return [self._path]
-        borders = self.balanced()
+        if len(self) < least:
+            self._set(self._ground(Stretches(lines_m=self.lines_m, ways_m=tuple(self._ways))))
+        borders = self.balanced(least)
         if len(borders) > 2 and len(self) < FEW_STRETCHES * (len(borders) - 1):
             whole = Stretches(lines_m=tuple(self._lines), ways_m=tuple(self._ways))
             self._set(self._ground(whole))
             finer = self.fewest()
             if finer is not None and len(finer) < len(borders):
-                borders = self.balanced()
+                borders = self.balanced(least)
             else:
                 self._set(whole)
         return [self.trip(a, b) for a, b in pairwise(borders)]
@@ -359,19 +374,16 @@ class TooFarError(InfeasibleError):
     ----------
     place_m
         ``[east_m, north_m]``.
-    times
-        How many times the allowance such a trip takes.
-    robot
-        Which robot's path it is on.
+    trip
+        To that place and back, as short as it gets; its `robot` is whose it is.
     """
 
-    def __init__(self, place_m: FloatArray, times: float, robot: int) -> None:
+    def __init__(self, place_m: FloatArray, trip: CoveragePath) -> None:
         self.place_m = place_m
-        self.times = times
-        self.robot = robot
+        self.trip = trip
         super().__init__(
             f"a place at east {place_m[0]:.0f} m, north {place_m[1]:.0f} m cannot be reached and "
-            f"returned from: that takes {times:.2f} times what a trip may use"
+            "returned from on one trip"
         )
 
 

@@ -96,7 +96,7 @@ def export_in_sorties(
                 allowed = [min(a, r) for a, r in zip(allowed, room, strict=True)]
                 part = sorties.trips(allowed)
             else:
-                part = sorties.shortened(part, planned, measured)
+                part = sorties.shortened(sorties.complete(part, routes), measured)
     except TooFarError as error:
         raise InfeasibleError(sorties.explain(error, frame)) from error
     raise PlanningError(
@@ -238,31 +238,48 @@ class Sorties:
         found = self._search(allowed)
         planned = self.planned(found)
         if max(planned) > 1.0:  # of too many items
-            found = self.shortened(found, planned, planned)
+            found = self.shortened(found, planned)
         return found
 
-    def shortened(
-        self, part: PartPlan, planned: Sequence[float], measured: Sequence[float]
-    ) -> PartPlan:
-        """Return the part with the trips that do not fit cut into more trips.
+    def shortened(self, part: PartPlan, measured: Sequence[float]) -> PartPlan:
+        """Return the part with the trips that use more than they may cut into more trips.
 
         Parameters
         ----------
         part
             With trips.
-        planned, measured
-            What each uses of its allowance, before and after the rest is covered.
+        measured
+            What each uses of its allowance.
         """
         out: list[list[CoveragePath]] = [[] for _ in self.work.robots]
-        pairs = zip(part.work.robots, part.tours.paths, planned, measured, strict=True)
-        for robot, path, before, after in pairs:
+        planned = self.planned(part)
+        rows = zip(part.work.robots, part.tours.paths, planned, measured, strict=True)
+        for robot, path, before, after in rows:
             row = self._row[robot]
             if max(before, after) <= 1.0:
                 out[row].append(path)
                 continue
-            allowed = MARGIN * min(1.0, before / after)
-            out[row] += self._cutter(row, path, allowed).trips()
+            try:
+                allowed = MARGIN * min(1.0, before / after)
+                out[row] += self._cutter(row, path, allowed).trips(2)
+            except TooFarError:
+                # so short they cannot be; in two will do for now
+                out[row] += self._cutter(row, path, min(1.0, MARGIN * before)).trips(2)
         return self._plan_of(out)
+
+    def complete(self, part: PartPlan, routes: Sequence[Route]) -> PartPlan:
+        """Return the part with its paths as they are once all is covered.
+
+        Where runs or turns of a radius have been added to the routes, these would be added twice:
+        the paths then stay as planned.
+        """
+        if max(self.work.options.runs_m) > 0 or self.work.options.turn_radius_m > 0:
+            return part
+        paths = tuple(
+            replace(route.path, robot=path.robot)
+            for route, path in zip(routes, part.tours.paths, strict=True)
+        )
+        return replace(part, tours=replace(part.tours, paths=paths))
 
     # --- cutting tours ---------------------------------------------------------------------------
 
@@ -463,15 +480,17 @@ class Sorties:
 
     def explain(self, error: TooFarError, frame: LocalFrame) -> str:
         """Return one line on a place that is too far: where, for whom, and what would do."""
-        row = error.robot - 1
+        row = error.trip.robot - 1
         gauge, own = self.gauges[row], self._own[row]
-        place, path = self._farthest(row)
+        battery = replace(gauge, allowance=replace(gauge.allowance, items=math.inf))
+        by_items = battery.used(error.trip) < MARGIN
+        place, path = (error.place_m, error.trip) if by_items else self._farthest(row)
         lon, lat = frame.to_lonlat(place[None])[0]
         where = f"robot {self.work.robots[row]}: the water at {lon:.6f},{lat:.6f}"
-        if replace(gauge, allowance=Allowance(items=gauge.allowance.items)).used(path) > 1.0:
+        if by_items:
             need = count_items(gauge.shaped(path).kind, own)
             return (
-                f"{where} takes {need} mission items there and back, and the vehicle holds "
+                f"{where} takes {need} mission items there and back, and all must fit into "
                 f"{gauge.allowance.items:.0f}; give a larger --max-items or a nearer --start"
             )
         kept = 1.0 - own.reserve

@@ -60,8 +60,8 @@ def test_tracks_as_csv_and_geojson(plan) -> None:
     rows = tracks_csv(tracks).splitlines()
     assert rows[0] == "robot,time_s,longitude,latitude,heading_deg,item,sortie"
     assert len(rows) == 1 + 2 * 61
-    assert rows[1] == "1,-1.000,8.5000000,47.3000000,12.00,0"
-    assert rows[5] == "1,3.000,8.5003300,47.3003000,,1"
+    assert rows[1] == "1,-1.000,8.5000000,47.3000000,12.00,0,1"
+    assert rows[5] == "1,3.000,8.5003300,47.3003000,,1,1"
     lines = json.loads(tracks_geojson(tracks))["features"]
     phases = [(f["properties"]["robot"], f["properties"]["phase"]) for f in lines]
     assert phases == [(1, "under way"), (1, "end"), (2, "under way")]
