@@ -82,16 +82,43 @@ def test_a_user_may_ask_for_less_and_never_for_more(
         assert limits("less")["fence_bytes"] == 120
 
 
+def test_what_a_boat_cannot_hold_at_once_is_cut_into_sorties(
+    lake: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with boats() as (fleet, links):
+        fleet.vehicles[0].mission._capacity = 20
+        assert run(["upload", lake, *FLAGS, *links, "--out", "out"]) == 0
+        out, err = capsys.readouterr()
+        assert "20 mission items (vehicle 1)" in err
+        assert "sortie 1 of" in out
+        report = json.loads(Path("out/report.json").read_text())["robots"]
+        assert all(trip["items"] <= 20 for row in report for trip in row["sorties"])
+        most = max(len(row["sorties"]) for row in report)
+        assert most > 1
+        assert run(["status", "out"]) == 0
+        capsys.readouterr()
+        # the next trip, for those that have one; the others keep what they have
+        assert run(["upload", "--from", "out", *links, "--sortie", "2", "--json"]) == 0
+        rows = json.loads(capsys.readouterr().out)["robots"]
+        assert {row["sortie"] for row in rows} == {2}
+        assert [row["robot"] for row in rows] == [
+            row["robot"] for row in report if len(row["sorties"]) > 1
+        ]
+        record = json.loads(Path("out/fleet.json").read_text())["vehicles"]
+        assert max(entry["sortie"] for entry in record) == 2
+        assert run(["status", "out"]) == 0
+        assert run(["upload", "--from", "out", *links, "--sortie", str(most + 1)]) == 2
+        assert "no robot goes out so often" in capsys.readouterr().err
+
+
 def test_too_little_room_is_refused_before_anything_is_sent(
     lake: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with boats() as (fleet, links):
         troubles = [Trouble(fleet, index) for index in range(2)]
-        fleet.vehicles[0].mission._capacity = 12
-        assert run(["upload", lake, *FLAGS, *links]) == 5
-        err = capsys.readouterr().err
-        assert "its vehicle holds 12 (vehicle 1); nothing was sent;" in err
-        assert "would fit" in err
+        fleet.vehicles[0].mission._capacity = 8
+        assert run(["upload", lake, *FLAGS, *links]) == 4
+        assert "mission items there and back, and all must fit into 8" in capsys.readouterr().err
         assert not any(trouble.items_seen for trouble in troubles)
 
 
