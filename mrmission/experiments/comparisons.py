@@ -284,13 +284,12 @@ def seconds_table(jobs: Sequence[Mapping[str, Any]], results: Sequence[Result]) 
     """Return plans in seconds, as boats would sail them."""
     rows = []
     for job, found in zip(jobs, results, strict=True):
-        hours = found["makespan_s"] / 60
         rows.append(
             (
                 job["name"],
                 job["method"],
                 str(job["robots"]),
-                f"{hours:.1f}",
+                f"{found['makespan_s'] / 60:.1f}",
                 f"{found['lower_bound_s'] / 60:.1f}",
                 f"{found['makespan_s'] / found['lower_bound_s'] - 1:.1%}",
                 f"{found['utilization']:.0%}",
@@ -308,15 +307,20 @@ def driven_table(jobs: Sequence[Mapping[str, Any]], results: Sequence[Result]) -
     rows = []
     for job, found in zip(jobs, results, strict=True):
         planned, driven = np.array(found["planned_s"]), np.array(found["driven_s"])
+        lost = found["home"].count(False)
         rows.append(
             (
                 job["name"],
                 job["method"],
                 str(job["robots"]),
                 f"{found['planned_makespan_s'] / 60:.1f}",
-                f"{found['driven_makespan_s'] / 60:.1f}",
-                f"{found['driven_makespan_s'] / found['planned_makespan_s'] - 1:+.1%}",
-                f"{np.abs(driven / planned - 1).max():.1%}",
+                f"{lost} not home" if lost else f"{found['driven_makespan_s'] / 60:.1f}",
+                (
+                    ""
+                    if lost
+                    else f"{found['driven_makespan_s'] / found['planned_makespan_s'] - 1:+.1%}"
+                ),
+                "" if lost else f"{np.abs(driven / planned - 1).max():.1%}",
                 f"{found['planned_coverage']:.2%}",
                 f"{found['driven_coverage']:.2%}",
                 f"{found['cross_track_p95_m']:.2f}",

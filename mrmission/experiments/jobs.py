@@ -23,6 +23,7 @@ Job = dict[str, Any]
 Result = dict[str, Any]
 Work = Callable[[Job], Result]
 
+CONNECT_S = 10
 FORMAT = 1
 """Part of every file name: raised when results remembered before would be wrong now."""
 
@@ -122,7 +123,7 @@ def _on_dask(
             "--scheduler: Dask is not installed; install mrmission[dask], or leave --scheduler out"
         ) from None
     try:
-        client = Client(scheduler, timeout=10)
+        client = Client(scheduler, timeout=CONNECT_S)
     except (OSError, ValueError) as error:
         raise ConfigError(
             f"--scheduler {scheduler}: no scheduler answers there ({error}); name its address, "

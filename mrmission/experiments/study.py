@@ -39,6 +39,7 @@ FRESH = 1000
 FIGURE_5_ROBOTS = 4
 CELL_METHODS = ("crc", "cac", "nrc", "fhk")
 NAMES = [name_of(reading) for reading in DEFAULTS]
+READINGS: str | list[str] = "all"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,6 +53,7 @@ class Effort:
     environment_budget_s: float = 2.0
     environments: int = 4
     seconds_robots: tuple[int, ...] = (4, 8, 16)
+    seconds_budget_s: float = 2.0
     driven: tuple[str, ...] = ("crc", "cac", "minmax")
     metres_per_px: float = 0.5
     obstacles: tuple[int, ...] = (8, 16, 32, 64, 128)
@@ -64,6 +66,7 @@ QUICK = Effort(
     environment_budget_s=0.3,
     environments=2,
     seconds_robots=(4,),
+    seconds_budget_s=0.5,
     driven=("crc",),
     metres_per_px=0.25,
     obstacles=(8, 16, 32),
@@ -159,7 +162,7 @@ class Study:
 
         def planning(seed: int, count: int) -> list[Job]:
             return [
-                {"seed": seed, "number": i, "readings": "all", "robots": list(ROBOTS)}
+                {"seed": seed, "number": i, "readings": READINGS, "robots": list(ROBOTS)}
                 for i in range(count)
             ]
 
@@ -292,10 +295,10 @@ class Study:
             "source": environment.source,
             "metres_per_px": metres,
             "swath_m": 20.0,
-            "clearance_m": 3.0,
+            "clearance_m": 6.0,
             "method": method,
             "robots": robots,
-            "time_budget_s": 2.0,
+            "time_budget_s": self.options.effort.seconds_budget_s,
         }
 
     def _seconds(self) -> None:
