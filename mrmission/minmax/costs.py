@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 
 from mrmission.minmax.hooks import Hooks
-from mrmission.minmax.search import LaneProblem
+from mrmission.minmax.problem import LaneProblem
 from mrmission.minmax.ways import Ways, hooked_ways, straight
 from mrmission.model import FloatArray, IntArray, LegKind
 from mrmission.routing.harbour import Harbour
@@ -83,9 +83,8 @@ def line_costs(
     time = times[0]
     metres = harbour.distance_matrix(ends)
     first, last = _near_pairs(metres)
-    near_s = _near_seconds(
-        ends, out, first, last, metres[first, last], hooks, harbour, time, lanes_alone
-    )
+    near = near_ways(ends, first, last, metres[first, last], harbour)
+    near_s = near_seconds(near, ends, out, hooks, time, lanes_alone)
     hook_s = _mean_hook_s(ends, out, hooks, time, lanes_alone)
     table, mean = _corner_table(time)
     cost, least = metres, metres.copy()
@@ -94,20 +93,36 @@ def line_costs(
     no_hooks = np.zeros(len(ends))
     flat = np.full_like(table, floor)
     _price_all(least, ends, out, flat, floor, no_hooks, 1.0 / time.transit_speed_m_s)
-    least_s = least_near_s(near_s, ends, out, first, last, hooks, harbour, time, lanes_alone)
+    least_s = least_near_s(near_s, near, ends, out, hooks, time, lanes_alone)
     for matrix, seconds in ((cost, near_s), (least, least_s)):
         matrix[first, last] = seconds
         matrix[last, first] = seconds
     home_s, home_least_s = _home_seconds(ends, out, homes_m, hooks, harbour, times, lanes_alone)
     lane_s = lengths_m(lines) / time.survey_speed_m_s + _short_lanes_s(lines, time)
+    sweep_scale, travel_scale = speed_scales(times)
     return LineCosts(
-        problem=LaneProblem(lane_cost=lane_s, end_cost=cost, home_cost=home_s),
+        problem=LaneProblem(
+            lane_cost=lane_s,
+            end_cost=cost,
+            home_cost=home_s,
+            sweep_scale=sweep_scale,
+            travel_scale=travel_scale,
+        ),
         least=LaneProblem(
             lane_cost=least_lane_s(lines, time),
             end_cost=least,
             home_cost=home_least_s,
+            sweep_scale=sweep_scale,
+            travel_scale=travel_scale,
         ),
     )
+
+
+def speed_scales(times: tuple[TimeModel, ...]) -> tuple[FloatArray, FloatArray]:
+    """Return (robots,) how many times as long as the first each robot sweeps, and travels."""
+    sweep = [times[0].survey_speed_m_s / time.survey_speed_m_s for time in times]
+    travel = [times[0].transit_speed_m_s / time.transit_speed_m_s for time in times]
+    return np.array(sweep), np.array(travel)
 
 
 def outward(lines: tuple[SurveyLine, ...]) -> FloatArray:
@@ -139,40 +154,57 @@ def _near_pairs(metres: FloatArray) -> tuple[IntArray, IntArray]:
     return key // n, key % n
 
 
-def _near_seconds(
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NearWays:
+    """Ways between pairs of near ends, the shortest in the water, without hooks.
+
+    ``metres`` are their lengths; way ``i`` from ``first[i]`` to ``last[i]`` goes by
+    ``points_m[start[i]:start[i + 1]]``.
+    """
+
+    first: IntArray
+    last: IntArray
+    metres: FloatArray
+    start: IntArray
+    points_m: FloatArray
+
+
+def near_ways(
+    ends: FloatArray, first: IntArray, last: IntArray, metres: FloatArray, harbour: Harbour
+) -> NearWays:
+    """Return the ways between pairs of near ends."""
+    start, points = straight(ends[first], ends[last])
+    bent = np.flatnonzero(metres > np.hypot(*(ends[last] - ends[first]).T) * (1 + 1e-6) + 1e-3)
+    if len(bent):
+        ways = harbour.shortest_paths(ends[first[bent]], ends[last[bent]])
+        start, points = _with_ways(start, points, bent, ways)
+    return NearWays(first=first, last=last, metres=metres, start=start, points_m=points)
+
+
+def near_seconds(
+    near: NearWays,
     ends: FloatArray,
     out: FloatArray,
-    first: IntArray,
-    last: IntArray,
-    metres: FloatArray,
     hooks: Hooks,
-    harbour: Harbour,
     time: TimeModel,
     lanes_alone: bool,
 ) -> FloatArray:
     """Return the seconds of the ways between pairs of near ends, corners and hooks included."""
+    first, last = near.first, near.last
     if time.turn_radius_m > 0:
         leave, enter = (np.arctan2(side[:, 1], side[:, 0]) for side in (out[first], -out[last]))
         turn_m = turn_cost_m(ends[first], leave, ends[last], enter, time.turn_radius_m)
-        return np.maximum(turn_m, metres) / time.transit_speed_m_s
-    start, points = straight(ends[first], ends[last])
-    bent = np.flatnonzero(metres > np.hypot(*(ends[last] - ends[first]).T) * (1 + 1e-6) + 1e-3)
-    if len(bent):
-        start, points = _with_ways(
-            start, points, bent, harbour.paths(ends[first[bent]], ends[last[bent]])
-        )
-    ways = hooked_ways(first, last, start, points, hooks, always=lanes_alone)
+        return np.maximum(turn_m, near.metres) / time.transit_speed_m_s
+    ways = hooked_ways(first, last, near.start, near.points_m, hooks, always=lanes_alone)
     return ways_s(ways, out[first], -out[last], time, lanes_alone=lanes_alone)
 
 
 def least_near_s(
     near_s: FloatArray,
+    near: NearWays,
     ends: FloatArray,
     out: FloatArray,
-    first: IntArray,
-    last: IntArray,
     hooks: Hooks,
-    harbour: Harbour,
     time: TimeModel,
     lanes_alone: bool,
 ) -> FloatArray:
@@ -181,17 +213,16 @@ def least_near_s(
     A reversal may be replaced by up to three gentler corners, which also changes the one behind it
     (:mod:`mrmission.tour.reversals`); a turn of a radius may begin before the end of a lane.
     """
-    metres = harbour.pair_distances(ends[first], ends[last])
     floor = min(0.0, float(_corner_table(time)[0].min()))
     if time.turn_radius_m > 0:
-        metres = metres - 2 * MOST_TRIM * time.turn_radius_m
+        metres = near.metres - 2 * MOST_TRIM * time.turn_radius_m
         least = metres / time.transit_speed_m_s + 2 * floor
         return np.minimum(near_s, np.maximum(least, 0.0))
     if time.steering != "steered" or not len(near_s):
         return near_s
     marked = time.with_reversals_marked(REVERSAL_DEG, MARK_S)
-    seconds = _near_seconds(ends, out, first, last, metres, hooks, harbour, marked, lanes_alone)
-    least = np.maximum(metres / time.transit_speed_m_s + 4 * floor, 0.0)
+    seconds = near_seconds(near, ends, out, hooks, marked, lanes_alone)
+    least = np.maximum(near.metres / time.transit_speed_m_s + 4 * floor, 0.0)
     return np.where(seconds - near_s > 0.5 * MARK_S, np.minimum(near_s, least), near_s)
 
 

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from mrmission.errors import InfeasibleError
+from mrmission.minmax.bound import LanesBound, lanes_bound
+from mrmission.minmax.costs import speed_scales
 from mrmission.minmax.hooks import Hooks, find_hooks, no_hooks
+from mrmission.minmax.problem import LaneProblem, SparseWays
 from mrmission.minmax.runs import part_costs
+from mrmission.minmax.travel import DENSE_ENDS
+from mrmission.minmax.trips import weighted
 from mrmission.minmax.ways import hooked_ways
 from mrmission.model import CoveragePath, FloatArray, IntArray, LegKind
 from mrmission.routing.harbour import Harbour
@@ -14,7 +18,6 @@ from mrmission.tour.lines import SurveyLine, ends_of
 from mrmission.tour.path import make_path
 from mrmission.tour.work import PartTours, PartWork
 
-MAX_MINMAX_LANES = 4000
 BUDGET_PER_LINE_S = 0.03
 """Of the time budget at most so much is spent for each line: few lines are soon as good as can
 be."""
@@ -24,21 +27,62 @@ def lane_tours(work: PartWork) -> PartTours:
     """Return the tours of the lane planner."""
     from mrmission.minmax.search import minmax
 
-    if len(work.lines) > MAX_MINMAX_LANES:
-        raise InfeasibleError(
-            f"{len(work.lines)} lanes: --method minmax plans up to {MAX_MINMAX_LANES}; "
-            "choose a wider --swath, or --method auto"
-        )
     hooks, extra = find_hooks(work)
     if work.time.turn_radius_m > 0:  # arcs go other ways: what they leave is looked for later
         hooks = no_hooks(2 * len(work.lines + extra))
     lines = work.lines + extra
-    alone = work.options.lanes_alone_count
-    costs = part_costs(lines, hooks, work)
+    problem, least = _problems(lines, hooks, work)
+    problem = weighted(problem, work.weights)
     budget_s = min(work.options.time_budget_s, BUDGET_PER_LINE_S * len(lines))
-    tours = minmax(costs.problem, budget_s, work.options.seed)
-    paths = tour_paths(work.harbour, lines, hooks, tours.entries, lanes_alone=alone)
-    return PartTours(method="minmax", paths=paths)
+    tours = minmax(problem, budget_s, work.options.seed)
+    paths = tour_paths(
+        work.harbour, lines, hooks, tours.entries, lanes_alone=work.options.lanes_alone_count
+    )
+    bound = _bound(least, work)
+    return PartTours(
+        method="minmax",
+        paths=paths,
+        lanes_bound_s=bound.makespan_s if bound else None,
+        lanes_bound_name=bound.term if bound else "",
+    )
+
+
+def _problems(
+    lines: tuple[SurveyLine, ...], hooks: Hooks, work: PartWork
+) -> tuple[LaneProblem, LaneProblem | None]:
+    """Return what the search is told, and for a bound the least of it; None of too many lines."""
+    if 2 * len(lines) <= DENSE_ENDS:
+        costs = part_costs(lines, hooks, work)
+        return costs.problem, costs.least
+    from mrmission.minmax.sparse_costs import sparse_line_costs
+
+    sparse = sparse_line_costs(
+        lines, hooks, work.harbour, work.homes_m, work.times,
+        lanes_alone=work.options.lanes_alone_count,
+    )  # fmt: skip
+    sweep, travel = speed_scales(work.times)
+    ways = SparseWays(
+        near=sparse.near, arrays=sparse.arrays, second_s=sparse.second_s, price=sparse.price
+    )
+    problem = LaneProblem(
+        lane_cost=sparse.lane_s, home_cost=sparse.home_s, sparse=ways,
+        sweep_scale=sweep, travel_scale=travel,
+    )  # fmt: skip
+    return problem, None
+
+
+def _bound(least: LaneProblem | None, work: PartWork) -> LanesBound | None:
+    """Return what no plan of the same lines can beat; None where it is not known."""
+    trips = len(set(work.robots)) < len(work.robots)  # planned as robots of their own
+    if least is None or least.end_cost is None or trips:
+        return None
+    return lanes_bound(
+        line_s=least.lane_cost,
+        end_s=least.end_cost,
+        home_s=least.home_cost,
+        sweep_scale=least.sweep_scale,
+        travel_scale=least.travel_scale,
+    )
 
 
 def tour_paths(

@@ -16,10 +16,11 @@ from mrmission.minmax.costs import (
     _corner_table,
     _home_seconds,
     _mean_hook_s,
-    _near_seconds,
     _short_lanes_s,
     least_lane_s,
     least_near_s,
+    near_seconds,
+    near_ways,
     outward,
 )
 from mrmission.minmax.hooks import Hooks
@@ -94,11 +95,12 @@ def sparse_line_costs(
     wanted = np.unique(np.minimum(near_m, there) * len(ends) + np.maximum(near_m, there))
     first, last = wanted // len(ends), wanted % len(ends)
     metres = harbour.pair_distances(ends[first], ends[last])
-    near_s = _near_seconds(ends, out, first, last, metres, hooks, harbour, time, lanes_alone)
+    near = near_ways(ends, first, last, metres, harbour)
+    near_s = near_seconds(near, ends, out, hooks, time, lanes_alone)
     place = np.minimum(np.searchsorted(wanted, key), len(wanted) - 1)
     priced = wanted[place] == key
     second_s[priced] = near_s[place[priced]]
-    near_least_s = least_near_s(near_s, ends, out, first, last, hooks, harbour, time, lanes_alone)
+    near_least_s = least_near_s(near_s, near, ends, out, hooks, time, lanes_alone)
     least_s[priced] = near_least_s[place[priced]]
     home_s, home_least_s = _home_seconds(ends, out, homes_m, hooks, harbour, times, lanes_alone)
     lane_s = lengths_m(lines) / time.survey_speed_m_s

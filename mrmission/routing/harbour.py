@@ -112,6 +112,12 @@ class Harbour:
             return np.zeros(0)
         return self.router.pair_distances(self._outside(a_m), self._outside(b_m))
 
+    def shortest_paths(self, a_m: FloatArray, b_m: FloatArray) -> list[FloatArray]:
+        """Return the shortest ways between the pairs of two (n, 2) arrays, with all their bends."""
+        if len(a_m) == 0:
+            return []
+        return self.router.paths(self._outside(a_m), self._outside(b_m))
+
     def paths(self, a_m: FloatArray, b_m: FloatArray) -> list[FloatArray]:
         """Return ways between the pairs of two (n, 2) arrays, ends as given.
 
