@@ -20,6 +20,7 @@ from mrmission.errors import ConfigError
 from mrmission.model import FleetPlan, LineReport, SurveyArea
 from mrmission.options import METHODS, PlanOptions
 from mrmission.pipeline import plan
+from mrmission.report.map_data import map_data
 from mrmission.tour.tie_spec import parse_ties
 
 BASE = PlanOptions(
@@ -89,6 +90,9 @@ def test_plans_are_complete_and_their_lines_are_true(seed: int, name: str) -> No
             assert line.length_m <= way.length + 0.1
         if line.kind == "lane":
             assert line.length_m == pytest.approx(np.hypot(*(ends[1] - ends[0])), abs=0.1)
+    # the map shows the names
+    shown = [x for r in map_data(result)["robots"] for trip in r["sorties"] for x in trip["label"]]
+    assert [label.split()[-1] for label in shown] == names
     # all survey legs belong to a line
     total = sum(line.length_m for line, _ in rows)
     assert total == pytest.approx(sum(r.survey_m for r in result.report.robots), rel=2e-3)
