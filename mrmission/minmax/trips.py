@@ -15,12 +15,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
 from mrmission.errors import InfeasibleError
+from mrmission.minmax.problem import LaneProblem
 from mrmission.mission.items import count_items
 from mrmission.model import CoveragePath, FloatArray, LegKind
 from mrmission.options import PlanOptions
@@ -389,6 +390,31 @@ class TooFarError(InfeasibleError):
 
 def _length_m(points_m: FloatArray) -> float:
     return float(np.hypot(*np.diff(points_m, axis=0).T).sum()) if len(points_m) > 1 else 0.0
+
+
+def weighted(problem: LaneProblem, weights: FloatArray | None) -> LaneProblem:
+    """Return a problem in which the seconds of each robot count by a weight.
+
+    Trips that may be of different lengths are compared so: by the share of each that is used.
+
+    Parameters
+    ----------
+    problem
+        With one robot for each trip.
+    weights : (robots, 2) array
+        Of sweeping and of travel; None where all count alike.
+    """
+    if weights is None:
+        return problem
+    ones = np.ones(len(weights))
+    sweep = ones if problem.sweep_scale is None else problem.sweep_scale
+    travel = ones if problem.travel_scale is None else problem.travel_scale
+    return replace(
+        problem,
+        home_cost=problem.home_cost * weights[:, 1:],
+        sweep_scale=sweep * weights[:, 0],
+        travel_scale=travel * weights[:, 1],
+    )
 
 
 def may_hold(

@@ -46,7 +46,9 @@ def export_part(part: PartPlan, frame: LocalFrame) -> tuple[list[Route], Coverag
     turns = Turns(work)
     paths = turns.before_covering(part.tours.paths)
     for _ in range(MAX_EXPORT_ROUNDS):
-        whole = repair(paths, work.uncovered, turn, work.harbour, work.time, options.swath_m, alone)
+        whole = repair(
+            paths, work.uncovered, turn, work.harbour, work.times, options.swath_m, alone
+        )
         paths = turns.after_covering(whole, paths)
         turned = turns.for_export(paths)
         routes = [export_route(number_lanes(p), frame, tolerance) for p in turned]

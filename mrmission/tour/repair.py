@@ -66,7 +66,7 @@ def repair(
     uncovered: Uncovered,
     frame: SweepFrame,
     harbour: Harbour,
-    time: TimeModel,
+    times: TimeModel | Sequence[TimeModel],
     swath_m: float,
     lanes_alone: bool = False,
 ) -> tuple[CoveragePath, ...]:
@@ -85,13 +85,14 @@ def repair(
         When the rounds do not converge; names the largest piece.
     """
     paths = list(paths)
+    times = [times] * len(paths) if isinstance(times, TimeModel) else times
     area = uncovered.region.area
     pieces = uncovered.remainder(fleet_legs(paths, frame, lanes_alone=lanes_alone))
     for _ in range(MAX_ROUNDS):
         todo = pieces_to_repair(pieces, swath_m, area)
         if not todo:
             return tuple(paths)
-        extras = _choose(todo, paths, uncovered, frame, harbour, time, swath_m)
+        extras = _choose(todo, paths, uncovered, frame, harbour, times, swath_m)
         paths, new_legs = _insert(paths, extras, harbour, lanes_alone)
         pieces = subtract_legs(
             np.array(pieces, dtype=object), frame.to_sweep(new_legs), uncovered.radius_m
@@ -157,7 +158,7 @@ def _choose(
     uncovered: Uncovered,
     frame: SweepFrame,
     harbour: Harbour,
-    time: TimeModel,
+    times: Sequence[TimeModel],
     swath_m: float,
 ) -> list[_Extra]:
     """Return for each piece the cheapest leg to leave for it, and the way to cover it."""
@@ -168,7 +169,9 @@ def _choose(
     # what is swept on the way along a line that is not counted stays uncovered: no leg to leave
     lines = np.where(uncovered.counts(sweep_legs), shapely.linestrings(sweep_legs), None)
     tree = shapely.STRtree(lines)
-    loads = np.array([time.duration_s(p.points_m, p.kind) for p in paths])
+    loads = np.array(
+        [time.duration_s(p.points_m, p.kind) for p, time in zip(paths, times, strict=True)]
+    )
 
     options: list[tuple[int, int, FloatArray, FloatArray]] = []  # piece, leg, enter, line (sweep)
     for i, piece in enumerate(todo):
@@ -208,7 +211,8 @@ def _choose(
     back = harbour.pair_distances(tail, resume)
     spared = np.where(survey, 0.0, np.hypot(*(resume - leave).T))
     inside = np.array([np.hypot(*np.diff(o[3], axis=0).T).sum() for o in options])
-    extra_s = (there + back + inside - spared) / time.survey_speed_m_s + _DETOUR_S
+    speed_m_s = np.array([time.survey_speed_m_s for time in times])[owner[leg_index]]
+    extra_s = (there + back + inside - spared) / speed_m_s + _DETOUR_S
 
     out: list[_Extra] = []
     piece_of = np.array([o[0] for o in options])
