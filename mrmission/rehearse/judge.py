@@ -29,6 +29,7 @@ from mrmission.rehearse.measures import (
     swept_of,
     weighted_quantile,
 )
+from mrmission.rehearse.pilot import hold_s
 from mrmission.rehearse.track import Track
 from mrmission.tour.coverage import leg_buffers
 from mrmission.tour.path import legs_of
@@ -164,6 +165,9 @@ def judge(
         which = track.robot, track.sortie
         mission, path, trip = missions[which], paths[which], trips[which]
         delay_s = delays.get(track.robot, 0.0) + trip.start_s
+        if hold_s(mission, 1) > 0:  # it has waited by itself: that is its delay
+            waited, track = track, track.set_off()
+            delay_s = track.started_s - waited.started_s
         legs = legs_of_mission(mission, frame)
         points = track.points_m(frame)
         way = track.under_way()

@@ -166,7 +166,16 @@ def longest_s(mission: Mission) -> float:
                 length_m += radius_m * math.hypot(here[0] - before[0], east)
             before = here
     speed_m_s = slowest_m_s if math.isfinite(slowest_m_s) else 1.0
-    return 600.0 + 4.0 * length_m / speed_m_s
+    waits_s = sum(hold_s(mission, item.seq) for item in mission.items)
+    return 600.0 + 4.0 * length_m / speed_m_s + waits_s
+
+
+def hold_s(mission: Mission, seq: int) -> float:
+    """Return how long a vehicle holds at an item's waypoint before it goes on, s."""
+    if not 0 < seq < len(mission.items):
+        return 0.0
+    item = mission.items[seq]
+    return item.param1 if item.command == mavlink.NAV_WAYPOINT else 0.0
 
 
 class _Voyage:
@@ -395,7 +404,7 @@ class _Voyage:
             here = log.position_lonlat
             if log.item != item or _apart_m(here, anchor) > orders.stall_m:
                 item, since_s, anchor = log.item, log.now_s, here
-            elif log.now_s - since_s > orders.stall_s:
+            elif log.now_s - since_s > orders.stall_s + hold_s(self.mission, log.item):
                 log.end_text = f"stands still on the way to item {item}"
                 return
         end_s = log.ended_s + orders.watch_end_s

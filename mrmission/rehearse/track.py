@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -89,6 +89,16 @@ class Track:
     def duration_s(self) -> float:
         """Seconds from the start of the mission to its last waypoint; NaN when that never came."""
         return self.ended_s - self.started_s
+
+    def set_off(self) -> Track:
+        """Return the same voyage begun when the vehicle left its first waypoint, at home.
+
+        A mission may hold there: until then the vehicle lies at its berth.
+        """
+        left = np.flatnonzero((self.item > 1) & (self.time_s >= self.started_s))
+        if not len(left):
+            return self
+        return replace(self, started_s=float(self.time_s[left[0]]))
 
     def points_m(self, frame: LocalFrame) -> FloatArray:
         """Return the (n, 2) positions in a local frame, m."""
