@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -37,15 +36,12 @@ def _left_alone(path: CoveragePath, *_: Any) -> CoveragePath:
     return path
 
 
-def _planned(
-    area: Path, options: PlanOptions, gentle: Callable[..., CoveragePath]
-) -> tuple[FleetPlan, float]:
-    """Return the plan with reversals treated by `gentle`, and the seconds it took."""
+def _planned(area: Path, options: PlanOptions, gentle: Callable[..., CoveragePath]) -> FleetPlan:
+    """Return the plan with reversals treated by `gentle`."""
     survey = read_survey_area(area)
     usual, turns.avoid_reversals = turns.avoid_reversals, gentle
     try:
-        began = time.perf_counter()
-        return plan(survey, options), time.perf_counter() - began
+        return plan(survey, options)
     finally:
         turns.avoid_reversals = usual
 
@@ -63,7 +59,7 @@ def compare_reversals(area: Path) -> None:
         model = time_model(options)
         cells = []
         for gentle in (_left_alone, turns.avoid_reversals):
-            made, _ = _planned(area, options, gentle)
+            made = _planned(area, options, gentle)
             count = sum(len(reversals(p)) for p in made.paths)
             swing = max(model.swing_m(p.points_m, p.kind) for p in made.paths)
             cells.append((count, swing, _longest_s(made)))
@@ -82,13 +78,13 @@ def compare_radii(area: Path) -> None:
             robots=4, swath_m=20.0, overlap=0.1, clearance_m=0.0, method="minmax",
             turn_radius_m=radius_m,
         )  # fmt: skip
-        made, took_s = _planned(area, options, turns.avoid_reversals)
+        made = _planned(area, options, turns.avoid_reversals)
         rows = made.report.robots
         tight = next((n.split()[0] for n in made.report.notes if "tighter than" in n), "0")
         sys.stdout.write(
             f"| {area.stem} | {radius_m:g} | {max(r.length_m for r in rows):,.0f} | "
             f"{_longest_s(made):,.0f} | {int(np.max([r.items for r in rows]))} | {tight} | "
-            f"{100 * made.report.coverage:.3f} | {took_s:.1f} |\n"
+            f"{100 * made.report.coverage:.3f} |\n"
         )
         sys.stdout.flush()
 
