@@ -52,7 +52,7 @@ class Effort:
     lane_budget_s: float = LANES_BUDGET_S
     environment_budget_s: float = 2.0
     environments: int = 4
-    seconds_robots: tuple[int, ...] = (4, 8, 16)
+    seconds_robots: tuple[int, ...] = (4, 16)
     seconds_budget_s: float = 2.0
     driven: tuple[str, ...] = ("crc", "cac", "minmax")
     metres_per_px: float = 0.5

@@ -111,9 +111,8 @@ def score(
     """Return a row of Table 2 for one reading of a planner."""
     rows = plan_array(maps, name)
     chosen = [robots.index(k) for k in ROBOT_SETS[reading.robots] if k in robots]
-    doubled = dict(part.split("=") for part in name.split()[1:]).get("doubled", "halves")
     if reading.denominator == "tour":
-        whole = np.array([m["tour_costs"][doubled] for m in maps])
+        whole = np.array([m["tour_costs"][_doubled(name)] for m in maps])
     else:
         whole = np.array([m["graph"]["free_px"] for m in maps])
     used = rows[:, :, 1 if reading.used == "any" else 2] / np.array(robots)
@@ -128,6 +127,13 @@ def score(
 _DENOMINATORS: tuple[Literal["tour", "free"], ...] = ("tour", "free")
 _USED: tuple[Literal["sweeps", "any"], ...] = ("sweeps", "any")
 _SETS: tuple[Literal["table", "text", "both"], ...] = ("table", "text", "both")
+
+
+def _doubled(name: str) -> str:
+    """Return what a doubled cell pays in a reading; clusters are toured in halves."""
+    return dict(part.split("=") for part in name.split()[1:]).get("doubled", "halves")
+
+
 SCORE_READINGS = tuple(
     ScoreReading(denominator=d, used=u, robots=k)
     for d in _DENOMINATORS
@@ -152,6 +158,8 @@ def by_distance(maps: Sequence[Result], planner: str) -> list[Nearest]:
     found = []
     for name in names:
         for reading in SCORE_READINGS:
+            if reading.denominator == "free" and _doubled(name) == "halves":
+                continue  # the tour in halves costs the free area
             row = score(maps, name, reading)
             distance = row.distance(PAPER_TABLE_2[planner])
             found.append(Nearest(name=name, reading=reading, score=row, distance=distance))

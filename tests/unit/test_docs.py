@@ -121,7 +121,8 @@ def test_options_that_are_named_exist(page: Path) -> None:
     for name in COMMANDS:
         command = cli.get_command(top(), name)
         assert command is not None
-        for parameter in command.params:
+        inside = command.commands.values() if isinstance(command, click.Group) else ()
+        for parameter in (p for c in (command, *inside) for p in c.params):
             known.update(parameter.opts)
     code = re.findall(r"`([^`\n]+)`", prose(page.read_text(encoding="utf-8")))
     named = {flag for span in code for flag in re.findall(r"(?<![\w-])--[a-z][\w-]*", span)}
