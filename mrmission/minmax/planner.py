@@ -8,7 +8,7 @@ from mrmission.minmax.bound import LanesBound, lanes_bound
 from mrmission.minmax.costs import speed_scales
 from mrmission.minmax.hooks import Hooks, find_hooks, no_hooks
 from mrmission.minmax.problem import LaneProblem, SparseWays
-from mrmission.minmax.runs import part_costs
+from mrmission.minmax.runs import part_costs, priced
 from mrmission.minmax.travel import DENSE_ENDS
 from mrmission.minmax.trips import weighted
 from mrmission.minmax.ways import hooked_ways
@@ -56,8 +56,9 @@ def _problems(
         return costs.problem, costs.least
     from mrmission.minmax.sparse_costs import sparse_line_costs
 
+    longer, extra_s = priced(lines, work)
     sparse = sparse_line_costs(
-        lines, hooks, work.harbour, work.homes_m, work.times,
+        longer, hooks, work.harbour, work.homes_m, work.times,
         lanes_alone=work.options.lanes_alone_count,
     )  # fmt: skip
     sweep, travel = speed_scales(work.times)
@@ -65,7 +66,7 @@ def _problems(
         near=sparse.near, arrays=sparse.arrays, second_s=sparse.second_s, price=sparse.price
     )
     problem = LaneProblem(
-        lane_cost=sparse.lane_s, home_cost=sparse.home_s, sparse=ways,
+        lane_cost=sparse.lane_s + extra_s, home_cost=sparse.home_s, sparse=ways,
         sweep_scale=sweep, travel_scale=travel,
     )  # fmt: skip
     return problem, None

@@ -14,6 +14,7 @@ import numpy as np
 
 from mrmission.minmax.costs import LineCosts, line_costs, outward
 from mrmission.minmax.hooks import Hooks
+from mrmission.model import FloatArray
 from mrmission.tour.lines import SurveyLine, ends_of, lengths_m
 from mrmission.tour.turnaround import outer_ends
 from mrmission.tour.work import PartWork
@@ -35,20 +36,31 @@ def part_costs(lines: tuple[SurveyLine, ...], hooks: Hooks, work: PartWork) -> L
     plain = line_costs(lines, hooks, work.harbour, work.homes_m, work.times, lanes_alone=alone)
     if max(work.options.runs_m) <= 0:
         return plain
-    time = work.time
-    if work.options.vehicle == "copter":
-        problem = plain.problem
-        run_m = np.full(len(lines), sum(work.options.runs_m))
-    else:
-        longer = with_runs(lines, work)
+    longer, extra_s = priced(lines, work)
+    problem = plain.problem
+    if longer is not lines:
         problem = line_costs(
             longer, hooks, work.harbour, work.homes_m, work.times, lanes_alone=alone
         ).problem
-        run_m = lengths_m(longer) - lengths_m(lines)
-        problem = replace(problem, lane_cost=problem.lane_cost - run_m / time.survey_speed_m_s)
-    # runs are transits
-    lane_s = problem.lane_cost + run_m / time.transit_speed_m_s
-    return LineCosts(problem=replace(problem, lane_cost=lane_s), least=plain.least)
+    problem = replace(problem, lane_cost=problem.lane_cost + extra_s)
+    return LineCosts(problem=problem, least=plain.least)
+
+
+def priced(
+    lines: tuple[SurveyLine, ...], work: PartWork
+) -> tuple[tuple[SurveyLine, ...], FloatArray]:
+    """Return the lines as they are to be priced, and (lines,) seconds to be added to each.
+
+    Runs are transits: where they are part of a line to be priced, what is added makes up for it.
+    """
+    time, runs_m = work.time, work.options.runs_m
+    if max(runs_m) <= 0:
+        return lines, np.zeros(len(lines))
+    if work.options.vehicle == "copter":
+        return lines, np.full(len(lines), sum(runs_m) / time.transit_speed_m_s)
+    longer = with_runs(lines, work)
+    run_m = lengths_m(longer) - lengths_m(lines)
+    return longer, run_m * (1.0 / time.transit_speed_m_s - 1.0 / time.survey_speed_m_s)
 
 
 def with_runs(lines: tuple[SurveyLine, ...], work: PartWork) -> tuple[SurveyLine, ...]:
