@@ -20,6 +20,7 @@ def warm() -> int:
     island = np.array([[-0.3, -0.2], [0.25, -0.3], [0.2, 0.3]]) * half
     lake = shapely.MultiPolygon([shapely.Polygon(shore, [island])])
     area = SurveyArea(name="warm", source="warm", water_lonlat=lake)
-    plan(area, PlanOptions(robots=2, swath_m=40.0, clearance_m=5.0))
+    for method in ("minmax", "auto"):
+        plan(area, PlanOptions(robots=2, swath_m=40.0, clearance_m=5.0, method=method))
     click.echo("ready", err=True)
     return 0

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import shapely
@@ -101,3 +103,36 @@ def test_every_line_is_swept_once() -> None:
     _, extra = find_hooks(work)
     wanted = sum(line.length_m for line in work.lines + extra)
     assert swept == pytest.approx(wanted, abs=0.01)
+
+
+def test_more_lines_than_a_matrix_holds_are_planned_as_well(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    work = _work(3)
+    dense = planner.lane_tours(work)
+    monkeypatch.setattr(planner, "DENSE_ENDS", 10)
+    tours = planner.lane_tours(work)
+    assert dense.lanes_bound_s is not None
+    assert tours.lanes_bound_s is None
+    longest, other = (
+        max(work.time.duration_s(p.points_m, p.kind) for p in t.paths) for t in (tours, dense)
+    )
+    assert dense.lanes_bound_s <= min(longest, other)
+    assert longest < 1.1 * other
+    wanted = sum(line.length_m for line in work.lines + find_hooks(work)[1])
+    swept = sum(
+        float(np.hypot(*np.diff(p.points_m, axis=0).T)[np.asarray(p.lane) > 0].sum())
+        for p in tours.paths
+    )
+    assert swept == pytest.approx(wanted, abs=0.01)
+
+
+def test_a_slower_robot_gets_less() -> None:
+    work = _work(5, robots=2)
+    slow = time_model(replace(work.options, survey_speed_m_s=1.0, transit_speed_m_s=1.0))
+    mixed = replace(work, times=(work.times[0], slow))
+    paths = planner.lane_tours(mixed).paths
+    seconds = [t.duration_s(p.points_m, p.kind) for t, p in zip(mixed.times, paths, strict=True)]
+    metres = [float(np.hypot(*np.diff(p.points_m, axis=0).T).sum()) for p in paths]
+    assert max(seconds) < 1.15 * min(seconds)
+    assert metres[1] < 0.7 * metres[0]
