@@ -158,7 +158,7 @@ _PLAN = [
         type=click.Choice(STEERINGS),
         default=DEFAULT.steering,
         show_default=True,
-        help="How a boat turns: with a rudder, or on the spot; for durations.",
+        help="How a boat turns: with a rudder, spared reversals, or on the spot.",
     ),
     click.option(
         "--wp-radius",
