@@ -16,16 +16,20 @@ import numpy as np
 import numpy.typing as npt
 
 from mrmission.minmax import bound_legs as kernels
+from mrmission.minmax.bound_sets import crossings, odd_sets
 from mrmission.model import FloatArray, IntArray
 
 NEAR = 8
 """Legs to so many nearest ends of other lines are looked at first; others are added when needed."""
 SHARES = ((0.0, 0.25), (0.0, 0.5), (0.0, 1.0), (1.0, 1.0))
+MANY = ((0.0, 0.5),)
 """Depths to begin with: which share of a line's seconds it goes deeper by, and a factor on all."""
 TRIAL = ((60, 0.5, 0.3),)
-POLISH = ((150, 0.3, 0.2), (120, 0.12, 0.2), (120, 0.05, 0.2))
+POLISH = tuple((250, 0.3 * 0.55**turn, 0.3) for turn in range(5))
 """Rounds of steps: how many, the first in parts of a typical leg, the last against the first."""
-FOLLOW = 5.0
+MOST_STEPS = 75_000
+"""Rounds of more lines have fewer steps: so many lines times steps."""
+FOLLOW = 3.0
 """Depths move so many times as far as charges do."""
 MOST_ENDS = 15
 SELDOM = 0.05
@@ -89,8 +93,22 @@ class _Task:
 
     robots: float
     line_s: FloatArray
-    end_s: FloatArray
     home_s: FloatArray
+    end_s: FloatArray
+    places_s: FloatArray
+    slack_s: float
+
+    @property
+    def table(self) -> tuple[FloatArray, FloatArray, float]:
+        """Return the ways between ends as the kernels take them."""
+        return self.end_s, self.places_s, self.slack_s
+
+    def ways(self, a: IntArray, b: IntArray) -> FloatArray:
+        """Return the least seconds between ends; as the crow flies where there is no matrix."""
+        if len(self.end_s):
+            return np.asarray(self.end_s[a, b])
+        step = self.places_s[a] - self.places_s[b]
+        return np.maximum(0.0, np.hypot(step[:, 0], step[:, 1]) - self.slack_s)
 
 
 def lanes_bound(
@@ -112,9 +130,9 @@ def lanes_bound(
         The least seconds of going from one end to another; symmetric. Ends ``2 i`` and
         ``2 i + 1`` belong to line i. They need not be a metric.
     home_s : (robots, 2n) array
-        The least seconds between each robot's home and the ends.
+        The least seconds between each robot's home and the ends, its own.
     sweep_scale, travel_scale : (robots,) arrays
-        What these seconds are multiplied by for each robot; 1 when None.
+        What the seconds of lines, and between ends, are multiplied by for each robot; 1 when None.
     fixed_s
         What each robot that has work spends besides.
 
@@ -123,43 +141,140 @@ def lanes_bound(
     LanesBound
         It holds for tours that leave robots without work, too.
     """
+    ends = np.ascontiguousarray(end_s, dtype=np.float64)
+    return _bound(
+        line_s, ends, np.zeros((0, 2)), 0.0, home_s, (sweep_scale, travel_scale), fixed_s, None
+    )
+
+
+def many_lanes_bound(
+    *,
+    line_s: FloatArray,
+    ends_m: FloatArray,
+    near: IntArray,
+    speed_m_s: float,
+    slack_s: float,
+    home_s: FloatArray,
+    sweep_scale: FloatArray | None = None,
+    travel_scale: FloatArray | None = None,
+    fixed_s: float = 0.0,
+) -> LanesBound:
+    """Return what :func:`lanes_bound` does for more lines than a matrix of all ways can hold.
+
+    Ways are taken as the crow flies, over land as well, so the bound is weaker, and the term says
+    so.
+
+    Parameters
+    ----------
+    line_s, home_s, sweep_scale, travel_scale, fixed_s
+        See there.
+    ends_m : (2n, 2) array
+        Where the ends are.
+    near : (2n, any) array
+        The nearest ends of other lines, or some that are near.
+    speed_m_s
+        The fastest speed between ends, of a robot whose scale is 1.
+    slack_s
+        What a way can take less than its length over the speed, because corners are cut.
+    """
+    return _bound(
+        line_s,
+        np.zeros((0, 0)),
+        np.ascontiguousarray(ends_m, dtype=np.float64) / speed_m_s,
+        slack_s,
+        home_s,
+        (sweep_scale, travel_scale),
+        fixed_s,
+        np.asarray(near, dtype=np.int64)[:, :NEAR],
+    )
+
+
+def _bound(
+    line_s: FloatArray,
+    end_s: FloatArray,
+    places_s: FloatArray,
+    slack_s: float,
+    home_s: FloatArray,
+    scales: tuple[FloatArray | None, FloatArray | None],
+    fixed_s: float,
+    near: IntArray | None,
+) -> LanesBound:
     robots = len(home_s)
     if len(line_s) == 0 or robots == 0:
         return LanesBound(makespan_s=0.0, term="work shared out")
     ones = np.ones(robots)
-    pace = np.minimum(
-        ones if sweep_scale is None else sweep_scale, ones if travel_scale is None else travel_scale
-    )
+    pace = np.minimum(*(ones if s is None else np.asarray(s, dtype=np.float64) for s in scales))
     # robots slower than the fastest count for less than one of it
     fastest = float(pace.min())
-    count = float((fastest / pace).sum())
     line = np.ascontiguousarray(line_s, dtype=np.float64)
-    ends = np.ascontiguousarray(end_s, dtype=np.float64)
-    home = np.ascontiguousarray(np.min(home_s, axis=0), dtype=np.float64)
-    best, term = max(line.sum() / count, 0.0), "work shared out"
-    far = float((home[::2] + line + home[1::2]).max())
+    home = np.ascontiguousarray(np.min(home_s / pace[:, None], axis=0), dtype=np.float64)
+    task = _Task(float((fastest / pace).sum()), line, home, end_s, places_s, slack_s)
+    best, term = max(float(line.sum()) / task.robots, 0.0), "work shared out"
+    # numbers that are no metric may make the way over other lines the shorter one
+    away = kernels.depths(line, task.table, home, 1.0)
+    far = float((away[::2] + line + away[1::2]).max())
     if far > best:
         best, term = far, "farthest line"
-    found, depth_s = _search(_Task(count, line, ends, home))
-    if found > best:
-        best, term = found, "reach and connection" if depth_s > 0 else "connection"
+    found = _search(task, _near(end_s), SHARES) if near is None else _search(task, near, MANY)
+    if found.makespan > best:
+        best = found.makespan
+        term = "reach and connection" if found.depth.max() > 0 else "connection"
+        term += "" if near is None else ", as the crow flies"
     return LanesBound(makespan_s=fixed_s + fastest * best * (1.0 - MARGIN), term=term)
 
 
-def _search(task: _Task) -> tuple[float, float]:
-    """Return the best makespan that was found to be proven, and the depth used."""
-    legs = _near_legs(task.end_s)
-    nearest = _nearest(legs)
-    step_s = float(np.median(nearest)) if len(nearest) else float(task.home_s.max())
+def divisible_bound(
+    *,
+    line_s: FloatArray,
+    home_s: FloatArray,
+    nearest_s: FloatArray,
+    robots: int,
+    levels: int = 64,
+) -> LanesBound:
+    """Return a time that the longest tour takes at least, wherever lines are cut.
+
+    Parameters
+    ----------
+    line_s : (n,) array
+        Seconds of sweeping each line, a straight one.
+    home_s : (2n,) array
+        Seconds from the nearest home to each end, by shortest ways.
+    nearest_s : (2n,) array
+        Seconds from each end to the nearest other end, the other of its own line included, by
+        shortest ways, and by no more than the seconds of sweeping so far.
+    robots
+        Number of tours.
+    levels
+        How many distances from home are tried.
+    """
+    best, term = 2 * float(home_s.max()) if len(home_s) else 0.0, "farthest line"
+    for r in np.linspace(0.0, 1.0, levels, endpoint=False) * best / 2:
+        beyond = np.clip(home_s[::2] - r, 0.0, None) + np.clip(home_s[1::2] - r, 0.0, None)
+        swept = line_s if r == 0 else np.minimum(line_s, beyond)
+        zones = np.minimum(nearest_s / 2, np.clip(home_s - r, 0.0, None))
+        found = 2 * r + float(swept.sum() + zones.sum()) / robots
+        if found > best:
+            best, term = found, "work shared out" if r == 0 else "reach"
+    return LanesBound(makespan_s=best * (1.0 - MARGIN), term=term)
+
+
+def _search(task: _Task, near: IntArray, shares: tuple[tuple[float, float], ...]) -> _Proof:
+    """Return the best proof that was found; `near` has the nearest ends of other lines."""
+    m = len(task.home_s)
+    a, b = np.repeat(np.arange(m), near.shape[1]), near.ravel()
+    legs = _legs_of(np.concatenate([a * m + b, b * m + a]), task)
+    has = np.diff(legs.start) > 0
+    step_s = float(task.home_s.max())
+    if has.any():
+        step_s = float(np.median(np.minimum.reduceat(legs.length, legs.start[:-1][has])))
     nothing = _Covers(np.zeros(1, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0))
     tried = []
-    for share, factor in SHARES:
-        depth = factor * _depths(task, share)
-        charge = np.full(len(task.home_s), step_s / 4)
+    for share, factor in shares:
+        depth = factor * kernels.depths(task.line_s, task.table, task.home_s, share)
+        charge = np.full(m, step_s / 4)
         tried.append(_climb(task, _Proof(0.0, charge, depth, nothing, legs), step_s, TRIAL))
     proof = max(tried, key=lambda found: found.makespan)
-    proof = _climb(task, proof, step_s, POLISH)
-    return proof.makespan, float(proof.depth.max())
+    return _climb(task, proof, step_s, POLISH if len(task.end_s) else POLISH[::2])
 
 
 def _climb(
@@ -170,30 +285,30 @@ def _climb(
     charge, depth = proof.charge.copy(), proof.depth.copy()
     covers, legs = proof.covers, proof.legs
     via = np.zeros((2 * len(charge), 2), dtype=np.int64)
+    most = MOST_STEPS // len(task.line_s) + 30
     for steps, first, last in rounds:
         toll = covers.toll.copy()
-        mean, mean_home = np.zeros(len(legs.other)), np.zeros(len(charge))
-        cross_start, cross = kernels.crossings(legs.start, legs.other, covers.start, covers.end)
+        means = np.zeros(len(legs.other)), np.zeros(len(charge))
+        sets = covers.start, covers.end
         found = kernels.ascend(
-            task.robots, task.line_s, task.home_s, legs.start, legs.other, legs.owner, legs.length,
-            covers.start, covers.end, cross_start, cross, charge, depth, toll,
-            steps, step_s * first, last, FOLLOW, mean, mean_home,
+            task.robots, task.line_s, task.home_s, (legs.start, legs.other, legs.owner),
+            legs.length, sets, crossings(legs.start, legs.other, *sets),
+            charge, depth, toll, (min(steps, most), step_s * first, last, FOLLOW), means,
         )  # fmt: skip
         found = kernels.dense_makespan(
-            task.robots, found, task.line_s, task.end_s, task.home_s, charge, depth,
-            covers.start, covers.end, toll, via,
+            task.robots, found, task.line_s, task.table,
+            task.home_s, charge, depth, sets, toll, via,
         )  # fmt: skip
         covers = _Covers(covers.start, covers.end, toll)
         if found > best.makespan:
             best = _Proof(found, charge.copy(), depth.copy(), covers, legs)
-        covers = _more_covers(covers, legs, mean, mean_home)
-        legs = _with_legs(legs, via, task.end_s)
+        if len(task.end_s):
+            covers = _more_covers(covers, legs, *means)
+        legs = _with_legs(legs, via, task)
     return best
 
 
-def _more_covers(
-    covers: _Covers, legs: _Legs, mean: FloatArray, mean_home: FloatArray
-) -> _Covers:
+def _more_covers(covers: _Covers, legs: _Legs, mean: FloatArray, mean_home: FloatArray) -> _Covers:
     """Return the sets that charge anything and odd ones whose borders legs cross too seldom."""
     m = len(mean_home)
     key = np.minimum(legs.owner, legs.other) * m + np.maximum(legs.owner, legs.other)
@@ -202,9 +317,7 @@ def _more_covers(
     found = np.zeros((m, MOST_ENDS), dtype=np.int64)
     size = np.zeros(m, dtype=np.int64)
     cut = np.zeros(m)
-    count = kernels.odd_sets(
-        legs.start, legs.other, both, mean_home, MOST_ENDS, SELDOM, found, size, cut
-    )
+    count = odd_sets(legs.start, legs.other, both, mean_home, MOST_ENDS, SELDOM, found, size, cut)
     sets = {
         tuple(covers.end[a:b].tolist()): toll
         for a, b, toll in zip(covers.start[:-1], covers.start[1:], covers.toll, strict=True)
@@ -224,51 +337,28 @@ def _more_covers(
     )
 
 
-def _near_legs(end_s: FloatArray) -> _Legs:
-    """Return the legs from each end to the nearest ends of other lines, both ways."""
+def _near(end_s: FloatArray) -> IntArray:
+    """Return (ends, at most NEAR) nearest ends of other lines."""
     m = len(end_s)
-    if m <= 2:
-        none = np.zeros(0, dtype=np.int64)
-        return _Legs(np.zeros(m + 1, dtype=np.int64), none, none, np.zeros(0))
+    count = min(NEAR, m - 2)
+    if count <= 0:
+        return np.zeros((m, 0), dtype=np.int64)
     away = end_s.copy()
     here = np.arange(m)
     away[here, here] = np.inf
     away[here, here ^ 1] = np.inf
-    count = min(NEAR, m - 2)
-    near = np.argpartition(away, count - 1, axis=1)[:, :count]
-    a, b = np.repeat(here, count), near.ravel()
-    return _legs_of(np.concatenate([a * m + b, b * m + a]), end_s)
+    return np.argpartition(away, count - 1, axis=1)[:, :count].astype(np.int64)
 
 
-def _with_legs(legs: _Legs, pairs: IntArray, end_s: FloatArray) -> _Legs:
+def _with_legs(legs: _Legs, pairs: IntArray, task: _Task) -> _Legs:
     """Return the legs and those between pairs of ends, -1 for no end."""
-    m = len(end_s)
+    m = len(task.home_s)
     p, q = pairs[pairs[:, 0] >= 0].T
-    return _legs_of(np.concatenate([legs.owner * m + legs.other, p * m + q, q * m + p]), end_s)
+    return _legs_of(np.concatenate([legs.owner * m + legs.other, p * m + q, q * m + p]), task)
 
 
-def _legs_of(key: npt.NDArray[np.int64], end_s: FloatArray) -> _Legs:
-    m = len(end_s)
+def _legs_of(key: npt.NDArray[np.int64], task: _Task) -> _Legs:
+    m = len(task.home_s)
     a, b = np.divmod(np.unique(key), m)
     start = np.searchsorted(a, np.arange(m + 1)).astype(np.int64)
-    return _Legs(start, b.astype(np.int64), a.astype(np.int64), end_s[a, b])
-
-
-def _nearest(legs: _Legs) -> FloatArray:
-    """Return the shortest leg of each end that has one."""
-    has = np.diff(legs.start) > 0
-    if not has.any():
-        return np.zeros(0)
-    return np.minimum.reduceat(legs.length, legs.start[:-1][has])
-
-
-def _depths(task: _Task, share: float) -> FloatArray:
-    """Return each end's distance from home when lines cost only a share of their seconds."""
-    depth = np.maximum(task.home_s, 0.0)
-    open_ = np.ones(len(depth), dtype=bool)
-    for _ in range(len(depth)):
-        a = int(np.argmin(np.where(open_, depth, np.inf)))
-        open_[a] = False
-        depth = np.minimum(depth, depth[a] + np.maximum(task.end_s[a], 0.0))
-        depth[a ^ 1] = min(depth[a ^ 1], depth[a] + share * task.line_s[a >> 1])
-    return depth
+    return _Legs(start, b.astype(np.int64), a.astype(np.int64), task.ways(a, b))

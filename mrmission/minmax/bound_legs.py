@@ -29,11 +29,52 @@ def _leg_value(rest, price_a, price_b):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _tree(start, other, length, home_s, charge, depth, price, value, via, via_home):  # type: ignore[no-untyped-def]  # fmt: skip
+def _push(key, line, size, new_key, new_line):  # type: ignore[no-untyped-def]
+    """Add to a heap, smallest first; return its size."""
+    at = size
+    while at > 0:
+        above = (at - 1) >> 1
+        if key[above] <= new_key:
+            break
+        key[at] = key[above]
+        line[at] = line[above]
+        at = above
+    key[at] = new_key
+    line[at] = new_line
+    return size + 1
+
+
+@njit(cache=True)
+def _pop(key, line, size):  # type: ignore[no-untyped-def]
+    """Drop the first of a heap; return its size."""
+    size -= 1
+    last_key, last_line = key[size], line[size]
+    at = 0
+    while True:
+        below = 2 * at + 1
+        if below >= size:
+            break
+        if below + 1 < size and key[below + 1] < key[below]:
+            below += 1
+        if key[below] >= last_key:
+            break
+        key[at] = key[below]
+        line[at] = line[below]
+        at = below
+    key[at] = last_key
+    line[at] = last_line
+    return size
+
+
+@njit(cache=True)
+def _tree(  # type: ignore[no-untyped-def]
+    legs, length, home_s, charge, depth, price, value, via, via_home
+):
     """Write a least tree on a sparse set of legs: per line the value and the place of its leg.
 
     ``via`` is the place in ``other``, -1 for a leg to home, which begins at ``via_home``.
     """
+    start, other, _ = legs
     n = len(price)
     done = np.zeros(n, np.bool_)
     for i in range(n):
@@ -44,11 +85,16 @@ def _tree(start, other, length, home_s, charge, depth, price, value, via, via_ho
                 value[i] = worth
                 via[i] = -1
                 via_home[i] = b
-    for _ in range(n):
-        at = -1
-        for i in range(n):
-            if not done[i] and (at < 0 or value[i] < value[at]):
-                at = i
+    heap_key = np.empty(len(other) + n)
+    heap_line = np.empty(len(other) + n, np.int32)
+    size = 0
+    for i in range(n):
+        size = _push(heap_key, heap_line, size, value[i], i)
+    while size > 0:
+        at = heap_line[0]
+        size = _pop(heap_key, heap_line, size)
+        if done[at]:
+            continue
         done[at] = True
         for a in range(2 * at, 2 * at + 2):
             for q in range(start[a], start[a + 1]):
@@ -61,11 +107,13 @@ def _tree(start, other, length, home_s, charge, depth, price, value, via, via_ho
                 if worth < value[i]:
                     value[i] = worth
                     via[i] = q
+                    size = _push(heap_key, heap_line, size, worth, i)
 
 
 @njit(cache=True)
-def _lowest_price(s, cover_start, cover_end, price):  # type: ignore[no-untyped-def]
+def _lowest_price(s, covers, price):  # type: ignore[no-untyped-def]
     """Return the least price of the lines with an end in set s."""
+    cover_start, cover_end = covers
     least = np.inf
     for c in range(cover_start[s], cover_start[s + 1]):
         least = min(least, price[cover_end[c] >> 1])
@@ -73,7 +121,9 @@ def _lowest_price(s, cover_start, cover_end, price):  # type: ignore[no-untyped-
 
 
 @njit(cache=True)
-def _work_value(line_s, charge, depth, price, cover_start, cover_end, toll):  # type: ignore[no-untyped-def]  # fmt: skip
+def _work_value(  # type: ignore[no-untyped-def]
+    line_s, charge, depth, price, covers, toll
+):
     """Return the priced work: sweeping that does not go deeper, charges of ends and of sets."""
     total = 0.0
     for i in range(len(line_s)):
@@ -81,7 +131,7 @@ def _work_value(line_s, charge, depth, price, cover_start, cover_end, toll):  # 
         total += (line_s[i] - abs(depth[a] - depth[b]) + charge[a] + charge[b]) * price[i]
     for s in range(len(toll)):
         if toll[s] > 0.0:
-            total += toll[s] * _lowest_price(s, cover_start, cover_end, price)
+            total += toll[s] * _lowest_price(s, covers, price)
     return total
 
 
@@ -94,8 +144,12 @@ def _settle(home_s, charge, depth):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _take_tolls(length, home_s, cross_start, cross, cover_start, cover_end, toll, left, left_home):  # type: ignore[no-untyped-def]  # fmt: skip
+def _take_tolls(  # type: ignore[no-untyped-def]
+    length, home_s, crossed, covers, toll, left, left_home
+):
     """Write what the tolls of the sets leave of the legs, sparse ones and those to home."""
+    cross_start, cross = crossed
+    cover_start, cover_end = covers
     left[:] = length
     left_home[:] = home_s
     for s in range(len(toll)):
@@ -108,7 +162,9 @@ def _take_tolls(length, home_s, cross_start, cross, cover_start, cover_end, toll
 
 
 @njit(cache=True)
-def _sparse_makespan(robots, line_s, start, other, left, left_home, charge, depth, cover_start, cover_end, toll):  # type: ignore[no-untyped-def]  # fmt: skip
+def _sparse_makespan(  # type: ignore[no-untyped-def]
+    robots, line_s, legs, left, left_home, charge, depth, covers, toll
+):
     """Return the makespan that charges, depths and tolls prove when there are no other legs."""
     n = len(line_s)
     price = np.zeros(n)
@@ -121,8 +177,8 @@ def _sparse_makespan(robots, line_s, start, other, left, left_home, charge, dept
     for _ in range(40):
         middle = 0.5 * (low + high) if upper else high
         line_prices(middle, depth, price)
-        _tree(start, other, left, left_home, charge, depth, price, value, via, via_home)
-        found = _work_value(line_s, charge, depth, price, cover_start, cover_end, toll)
+        _tree(legs, left, left_home, charge, depth, price, value, via, via_home)
+        found = _work_value(line_s, charge, depth, price, covers, toll)
         if found + value.sum() > robots:
             low = middle
             if not upper:
@@ -136,8 +192,12 @@ def _sparse_makespan(robots, line_s, start, other, left, left_home, charge, dept
 
 
 @njit(cache=True)
-def _slopes(line_s, start, other, charge, depth, price, value, via, via_home, owner, used, used_home, g_charge, g_depth):  # type: ignore[no-untyped-def]  # fmt: skip
-    """Write by how much the value rises with every charge and depth, and the prices of legs used."""
+def _slopes(  # type: ignore[no-untyped-def]
+    line_s, legs, charge, depth, price, tree, used, used_home, g_charge, g_depth
+):
+    """Write by how much the value rises with charges and depths, and the prices of legs used."""
+    _, other, owner = legs
+    value, via, via_home = tree
     n = len(line_s)
     used[:] = 0.0
     used_home[:] = 0.0
@@ -177,14 +237,20 @@ def _slopes(line_s, start, other, charge, depth, price, value, via, via_home, ow
 
 
 @njit(cache=True)
-def ascend(robots, line_s, home_s, start, other, owner, length, cover_start, cover_end, cross_start, cross, charge, depth, toll, rounds, step_s, last, follow, mean, mean_home):  # type: ignore[no-untyped-def]  # fmt: skip
+def ascend(  # type: ignore[no-untyped-def]
+    robots, line_s, home_s, legs, length, covers, crossed, charge, depth, toll, pace, means
+):
     """Improve charges, depths and tolls in place; return the makespan proven on the sparse legs.
 
     Steps along the slope of the value at a makespan that is raised whenever the value exceeds
-    the number of robots; they shrink from ``step_s`` seconds to its ``last`` part. Depths move
-    ``follow`` times as far as charges. ``mean`` and ``mean_home`` get how often the later trees
-    used each leg.
+    the number of robots. ``pace`` is how many, the seconds of the first, the last in parts of the
+    first, and how many times as far as charges depths move. ``means`` are two arrays for how often
+    the later trees used each leg, and each leg to home.
     """
+    rounds, step_s, last, follow = pace
+    mean, mean_home = means
+    cross_start, cross = crossed
+    cover_start, cover_end = covers
     n = len(line_s)
     m = 2 * n
     price = np.zeros(n)
@@ -202,20 +268,16 @@ def ascend(robots, line_s, home_s, start, other, owner, length, cover_start, cov
     used_home = np.zeros(m)
     mean[:] = 0.0
     mean_home[:] = 0.0
-    _take_tolls(length, home_s, cross_start, cross, cover_start, cover_end, toll, left, left_home)
+    _take_tolls(length, home_s, crossed, covers, toll, left, left_home)
     _settle(left_home, charge, depth)
-    best = _sparse_makespan(
-        robots, line_s, start, other, left, left_home, charge, depth, cover_start, cover_end, toll
-    )
+    best = _sparse_makespan(robots, line_s, legs, left, left_home, charge, depth, covers, toll)
     best_charge = charge.copy()
     best_depth = depth.copy()
     best_toll = toll.copy()
     makespan = best
     trees = 0
     for turn in range(rounds):
-        _take_tolls(
-            length, home_s, cross_start, cross, cover_start, cover_end, toll, left, left_home
-        )
+        _take_tolls(length, home_s, crossed, covers, toll, left, left_home)
         _settle(left_home, charge, depth)
         if not line_prices(makespan, depth, price):
             charge[:] = best_charge
@@ -226,10 +288,8 @@ def ascend(robots, line_s, home_s, start, other, owner, length, cover_start, cov
             step_s *= 0.5
             makespan = best
             continue
-        _tree(start, other, left, left_home, charge, depth, price, value, via, via_home)
-        found = value.sum() + _work_value(
-            line_s, charge, depth, price, cover_start, cover_end, toll
-        )
+        _tree(legs, left, left_home, charge, depth, price, value, via, via_home)
+        found = value.sum() + _work_value(line_s, charge, depth, price, covers, toll)
         if found > robots:
             best = makespan
             best_charge[:] = charge
@@ -237,8 +297,8 @@ def ascend(robots, line_s, home_s, start, other, owner, length, cover_start, cov
             best_toll[:] = toll
             makespan *= 1.0 + min(0.05, 0.5 * (found / robots - 1.0))
         _slopes(
-            line_s, start, other, charge, depth, price, value, via, via_home, owner,
-            used, used_home, g_charge, g_depth,
+            line_s, legs, charge, depth, price, (value, via, via_home), used, used_home,
+            g_charge, g_depth,
         )  # fmt: skip
         if 2 * turn >= rounds:
             trees += 1
@@ -247,20 +307,20 @@ def ascend(robots, line_s, home_s, start, other, owner, length, cover_start, cov
                     mean[via[i]] += 1.0
                 else:
                     mean_home[via_home[i]] += 1.0
-        pace = step_s * last ** (turn / rounds) * makespan
+        step = step_s * last ** (turn / rounds) * makespan
         for a in range(m):
             d_charge[a] = 0.7 * d_charge[a] + 0.3 * g_charge[a]
-            charge[a] += pace * d_charge[a]
+            charge[a] += step * d_charge[a]
             d_depth[a] = 0.7 * d_depth[a] + 0.3 * g_depth[a]
-            depth[a] += follow * pace * d_depth[a]
+            depth[a] += follow * step * d_depth[a]
         for s in range(len(toll)):
-            slope = _lowest_price(s, cover_start, cover_end, price)
+            slope = _lowest_price(s, covers, price)
             for c in range(cross_start[s], cross_start[s + 1]):
                 slope -= used[cross[c]]
             for c in range(cover_start[s], cover_start[s + 1]):
                 slope -= used_home[cover_end[c]]
             d_toll[s] = 0.7 * d_toll[s] + 0.3 * slope
-            toll[s] = max(0.0, toll[s] + pace * d_toll[s])
+            toll[s] = max(0.0, toll[s] + step * d_toll[s])
     charge[:] = best_charge
     depth[:] = best_depth
     toll[:] = best_toll
@@ -270,14 +330,28 @@ def ascend(robots, line_s, home_s, start, other, owner, length, cover_start, cov
     return best
 
 
+@njit(cache=True, inline="always")
+def _way(ways, a, b):  # type: ignore[no-untyped-def]
+    """Return the least seconds from end to end: of a matrix, or as the crow flies without one."""
+    end_s, places, slack = ways
+    if len(end_s) > 0:
+        return end_s[a, b]
+    x = places[a, 0] - places[b, 0]
+    y = places[a, 1] - places[b, 1]
+    return max(0.0, np.sqrt(x * x + y * y) - slack)
+
+
 @njit(cache=True)
-def dense_value(makespan, line_s, end_s, home_s, charge, extra, depth, cover_start, cover_end, toll, via):  # type: ignore[no-untyped-def]  # fmt: skip
+def _dense_value(  # type: ignore[no-untyped-def]
+    makespan, line_s, ways, home_s, charge, extra, depth, covers, toll, via
+):
     """Return the value proven with all legs, minus infinity when depths leave no room.
 
-    ``end_s`` has twice the toll added between ends of one set, and ``extra`` is the sum of the
-    tolls of the sets that an end is in, so that only what borders take is taken. Legs that matter
-    are written to ``via`` of shape (4·lines, 2): those of the tree, and for each end the one that
-    owes most; -1 where there is none.
+    ``ways`` are a matrix, to which twice the toll has been added between ends of one set;
+    ``extra`` is the sum of the tolls of the sets that an end is in, so that only what borders take
+    is taken. Without a matrix, ways are those between places, in seconds, less a slack; there are
+    no sets then. Legs that matter are written to ``via`` of shape (4·lines, 2): those of the tree,
+    and for each end the one that owes most; -1 where there is none.
     """
     n = len(line_s)
     price = np.zeros(n)
@@ -294,7 +368,7 @@ def dense_value(makespan, line_s, end_s, home_s, charge, extra, depth, cover_sta
         work[i] = line_s[i] - abs(depth[a] - depth[a + 1]) + charge[a] + charge[a + 1]
         for b in range(a, a + 2):
             value[i] = min(value[i], max(0.0, home_s[b] - take[b] - depth[b]) * price[i])
-    total = _work_value(line_s, charge, depth, price, cover_start, cover_end, toll)
+    total = _work_value(line_s, charge, depth, price, covers, toll)
     for _ in range(n):
         at = -1
         for i in range(n):
@@ -307,7 +381,8 @@ def dense_value(makespan, line_s, end_s, home_s, charge, extra, depth, cover_sta
                 i = b >> 1
                 if i == at:
                     continue
-                rest = end_s[a, b] - take[a] - take[b] - abs(depth[a] - depth[b])
+                rest = _way(ways, a, b) - take[a] - take[b]
+                rest -= abs(depth[a] - depth[b])
                 # a leg that pays is paid for by the line at the lower price, or with more work
                 if rest < -owed[a] and (
                     price[at] < price[i]
@@ -329,145 +404,56 @@ def dense_value(makespan, line_s, end_s, home_s, charge, extra, depth, cover_sta
 
 
 @njit(cache=True)
-def dense_makespan(robots, hoped, line_s, end_s, home_s, charge, depth, cover_start, cover_end, toll, via):  # type: ignore[no-untyped-def]  # fmt: skip
+def dense_makespan(  # type: ignore[no-untyped-def]
+    robots, hoped, line_s, ways, home_s, charge, depth, covers, toll, via
+):
     """Return a makespan no more than the hoped one that all legs prove, 0 when none was found.
 
     The legs that matter at the hoped one are written to ``via``.
     """
+    cover_start, cover_end = covers
     extra = np.zeros(len(charge))
-    widened = end_s
+    widened = ways[0]
     if len(toll) > 0:
-        widened = end_s.copy()
+        widened = widened.copy()
     for s in range(len(toll)):
         for c in range(cover_start[s], cover_start[s + 1]):
             extra[cover_end[c]] += toll[s]
             for d in range(cover_start[s], cover_start[s + 1]):
                 widened[cover_end[c], cover_end[d]] += 2.0 * toll[s]
     _settle(home_s - extra, charge, depth)
-    value = dense_value(
-        hoped, line_s, widened, home_s, charge, extra, depth, cover_start, cover_end, toll, via
-    )
+    wide = (widened, ways[1], ways[2])
+    value = _dense_value(hoped, line_s, wide, home_s, charge, extra, depth, covers, toll, via)
     if value > robots:
         return hoped
     scrap = via.copy()
     least = 2.0 * depth.max()
-    low, high = 0.0, hoped
-    step = 1e-4
-    while step < 1.0:
-        # down from what was hoped for in growing steps, then halved
-        middle = hoped - step * (hoped - least)
-        value = dense_value(
-            middle, line_s, widened, home_s, charge, extra, depth, cover_start, cover_end, toll,
-            scrap,
-        )  # fmt: skip
+    makespan = hoped
+    for _ in range(12):
+        # the value is about work over room, so this comes close from either side
+        makespan = least + (makespan - least) * min(max(value / robots * 0.9999, 0.5), 0.9999)
+        value = _dense_value(
+            makespan, line_s, wide, home_s, charge, extra, depth, covers, toll, scrap
+        )
         if value > robots:
-            low = middle
-            break
-        high = middle
-        step *= 3.0
-    if low == 0.0:
-        return 0.0
-    for _ in range(6):
-        middle = 0.5 * (low + high)
-        value = dense_value(
-            middle, line_s, widened, home_s, charge, extra, depth, cover_start, cover_end, toll,
-            scrap,
-        )  # fmt: skip
-        if value > robots:
-            low = middle
-        else:
-            high = middle
-    return low
+            return makespan
+    return 0.0
 
 
 @njit(cache=True)
-def odd_sets(start, other, mean, mean_home, most, gap, found, size, cut):  # type: ignore[no-untyped-def]
-    """Grow sets of ends that legs leave too seldom; return how many were found.
-
-    From every end, the end that is joined to the set most strongly is added; of all odd sets on
-    the way the one whose border is crossed least often is kept, if that is less than ``1 - gap``.
-    ``mean`` has the use of each leg in either direction. Sets go to ``found`` (ends, most).
-    """
-    m = len(start) - 1
-    weight = np.zeros(m)
-    inside = np.zeros(m, np.bool_)
-    touched = np.zeros(m * 4, np.int64)
-    members = np.zeros(most, np.int64)
-    count = 0
-    for first in range(m):
-        held = 0
-        touches = 0
-        border = 0.0
-        best, best_size = 1.0 - gap, 0
-        v = first
-        while held < most:
-            members[held] = v
-            inside[v] = True
-            held += 1
-            degree = mean_home[v]
-            for q in range(start[v], start[v + 1]):
-                if mean[q] <= 0.0:
-                    continue
-                degree += mean[q]
-                u = other[q]
-                if not inside[u]:
-                    if weight[u] == 0.0:
-                        touched[touches] = u
-                        touches += 1
-                    weight[u] += mean[q]
-            border += degree - 2.0 * weight[v]
-            if held % 2 == 1 and held > 1 and border < best:
-                best, best_size = border, held
-            v = -1
-            for t in range(touches):
-                u = touched[t]
-                if not inside[u] and (v < 0 or weight[u] > weight[v]):
-                    v = u
-            if v < 0:
-                break
-        if best_size > 0:
-            found[count, :best_size] = members[:best_size]
-            size[count] = best_size
-            cut[count] = best
-            count += 1
-        for t in range(touches):
-            weight[touched[t]] = 0.0
-        for t in range(held):
-            inside[members[t]] = False
-            weight[members[t]] = 0.0
-    return count
-
-
-@njit(cache=True)
-def crossings(start, other, cover_start, cover_end):  # type: ignore[no-untyped-def]
-    """Return for each set the places of the legs with one end in it, in either direction."""
-    m = len(start) - 1
-    inside = np.zeros(m, np.bool_)
-    out_start = np.zeros(len(cover_start), np.int64)
-    room = 0
-    for s in range(len(cover_start) - 1):
-        for c in range(cover_start[s], cover_start[s + 1]):
-            a = cover_end[c]
-            room += 2 * (start[a + 1] - start[a])
-    out = np.zeros(room, np.int64)
-    back = np.zeros(len(other), np.int64)
-    for a in range(m):
-        for q in range(start[a], start[a + 1]):
-            b = other[q]
-            place = start[b] + np.searchsorted(other[start[b] : start[b + 1]], a)
-            back[q] = place
-    count = 0
-    for s in range(len(cover_start) - 1):
-        for c in range(cover_start[s], cover_start[s + 1]):
-            inside[cover_end[c]] = True
-        for c in range(cover_start[s], cover_start[s + 1]):
-            a = cover_end[c]
-            for q in range(start[a], start[a + 1]):
-                if not inside[other[q]]:
-                    out[count] = q
-                    out[count + 1] = back[q]
-                    count += 2
-        for c in range(cover_start[s], cover_start[s + 1]):
-            inside[cover_end[c]] = False
-        out_start[s + 1] = count
-    return out_start, out[:count]
+def depths(line_s, ways, home_s, share):  # type: ignore[no-untyped-def]
+    """Return each end's distance from home when a line takes but a share of its seconds."""
+    m = len(home_s)
+    depth = np.maximum(home_s, 0.0)
+    done = np.zeros(m, np.bool_)
+    for _ in range(m):
+        a = -1
+        for b in range(m):
+            if not done[b] and (a < 0 or depth[b] < depth[a]):
+                a = b
+        done[a] = True
+        for b in range(m):
+            if not done[b]:
+                depth[b] = min(depth[b], depth[a] + max(0.0, _way(ways, a, b)))
+        depth[a ^ 1] = min(depth[a ^ 1], depth[a] + share * line_s[a >> 1])
+    return depth
