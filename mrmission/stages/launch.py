@@ -82,6 +82,7 @@ def launch(
         [times[r - 1] for r in order],
         rules,
         may_turn=[run_in_m == run_out_m] * len(order),
+        pauses_s=[options.of_robot(r).swap_time_s for r in order],
     )
     sailed = {
         r: _reversed(routes[r]) if turned else routes[r]

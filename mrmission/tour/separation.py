@@ -130,8 +130,8 @@ class Separation:
     conflicts: tuple[Conflict, ...]
 
 
-def timeline(path: CoveragePath, time: TimeModel) -> Timeline:
-    """Return when a robot passes the points of its path.
+def timeline(path: CoveragePath, time: TimeModel, pause_s: float = 0.0) -> Timeline:
+    """Return when a robot passes the points of its path, with a pause when it is home in between.
 
     What the whole path takes beyond length over speed is spent at its corners, more at a sharper
     one: the robot leaves its point later than it came, so the point is there twice.
@@ -148,6 +148,8 @@ def timeline(path: CoveragePath, time: TimeModel) -> Timeline:
     if extra_s < 0 or turn.sum() == 0:
         legs, extra_s = legs * (total_s / legs.sum()), 0.0
     corners = extra_s * turn / turn.sum() if extra_s > 0 else np.zeros(len(legs))
+    at_home = (points[1:-1] == points[0]).all(axis=1)
+    corners[:-1] += np.where(at_home, pause_s, 0.0)
     arrive = np.cumsum(legs) + np.append(0.0, np.cumsum(corners)[:-1])
     when = np.concatenate([[0.0], np.column_stack([arrive, arrive + corners]).ravel()])
     where = np.concatenate([points[:1], np.repeat(points[1:], 2, axis=0)])
@@ -180,6 +182,7 @@ def separate(
     rules: SeparationRules,
     *,
     may_turn: Sequence[bool] | None = None,
+    pauses_s: Sequence[float] | None = None,
 ) -> Separation:
     """Choose which way round each robot sails and when it starts; tell what may meet nevertheless.
 
@@ -193,6 +196,8 @@ def separate(
         What is to be kept; a distance of 0 leaves everything as it is and looks for nothing.
     may_turn
         Which robots may sail their tour the other way round; None: all.
+    pauses_s
+        How long each robot stays when it comes home between two trips; None: not at all.
     """
     count = len(paths)
     if rules.distance_m <= 0:
@@ -201,8 +206,9 @@ def separate(
             rules=rules, delay_s=np.zeros(count), turned=(False,) * count, least_m=none,
             conflicts=(),
         )  # fmt: skip
-    lines = [timeline(p, t) for p, t in zip(paths, times, strict=True)]
-    back = [timeline(reversed_path(p), t) for p, t in zip(paths, times, strict=True)]
+    stay_s = [0.0] * count if pauses_s is None else list(pauses_s)
+    lines = [timeline(p, t, s) for p, t, s in zip(paths, times, stay_s, strict=True)]
+    back = [timeline(reversed_path(p), t, s) for p, t, s in zip(paths, times, stay_s, strict=True)]
     turns = [True] * count if may_turn is None else list(may_turn)
     longest_s = max((line.duration_s for line in lines), default=0.0)
     max_delay_s = rules.max_delay_s

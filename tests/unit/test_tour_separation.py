@@ -371,6 +371,17 @@ def test_a_timeline_takes_the_predicted_time_and_turns_at_its_corners() -> None:
     assert found.duration_s == pytest.approx(model.duration_s(points, path.kind))
     assert (np.diff(found.time_s) > 0).all()
     assert {tuple(p) for p in found.points_m.tolist()} == {tuple(p) for p in points.tolist()}
+    twice = CoveragePath(
+        robot=3,
+        points_m=np.vstack([points, points[1:]]),
+        kind=np.tile(path.kind, 2),
+        lane=np.tile(path.lane, 2),
+    )
+    rested, restless = timeline(twice, model, 90.0), timeline(twice, model)
+    assert rested.duration_s == pytest.approx(restless.duration_s + 90.0)
+    home = np.flatnonzero((rested.points_m == points[0]).all(axis=1))
+    assert len(home) == 4  # start, arrival and departure in between, end
+    assert rested.time_s[home[2]] - rested.time_s[home[1]] >= 90.0
     still = CoveragePath(robot=1, points_m=points[:1], kind=kind[:0], lane=kind[:0])
     assert timeline(still, model).duration_s == 0
     assert course_of(timeline(still, model)) is None
