@@ -31,90 +31,92 @@ class Turns:
 
     def __init__(self, work: PartWork) -> None:
         self._work = work
-        options = work.options
-        self._radius_m = options.turn_radius_m
-        boat = options.vehicle != "copter"
-        self._gentle = boat and self._radius_m == 0 and options.steering == "steered"
+        boat = work.options.vehicle != "copter"
         # where lanes alone cover, runs come after covering, and gentle corners after the runs
-        self._runs = max(options.runs_m) > 0
+        self._runs = max(work.options.runs_m) > 0
         self._limits = work.region_m if boat else None
-        self._sharp_m = np.zeros((0, 2))
-        self._keep_m: list[FloatArray] = [np.zeros((0, 2)) for _ in work.homes_m]
-        robots = range(len(work.homes_m)) if self._radius_m > 0 or self._gentle else range(0)
-        self._waters: list[BerthWater] = [
-            Waters(work.harbour, i, self._radius_m, options.wp_radius_m)
-            if self._radius_m > 0
-            else BerthWater(work.harbour, i)
-            for i in robots
-        ]
+        self._waters: list[BerthWater | None] = []
+        for i, time in enumerate(work.times):
+            water: BerthWater | None = None
+            if time.turn_radius_m > 0:
+                water = Waters(work.harbour, i, time.turn_radius_m, time.radius_m)
+            elif boat and time.steering == "steered":
+                water = BerthWater(work.harbour, i)
+            self._waters.append(water)
+        self._keep_m: list[FloatArray] = [np.zeros((0, 2)) for _ in work.times]
+        self._sharp_m: list[FloatArray] = [np.zeros((0, 2)) for _ in work.times]
 
     def before_covering(self, paths: Sequence[CoveragePath]) -> tuple[CoveragePath, ...]:
         """Return paths as the planner joins them, turned."""
-        if self._radius_m > 0:
-            return self._rounded([self._with_runs(p) for p in paths], None)
-        return tuple(paths)
+        return tuple(
+            self._rounded(i, self._with_runs(path), None) if self._radius_m(i) > 0 else path
+            for i, path in enumerate(paths)
+        )
 
     def after_covering(
         self, paths: Sequence[CoveragePath], before: Sequence[CoveragePath]
     ) -> tuple[CoveragePath, ...]:
         """Return paths turned again: `before` they were made to cover the rest they were turned."""
-        if self._radius_m > 0:
-            return self._rounded(paths, before)
-        return self._gently(paths) if self._gentle and not self._runs else tuple(paths)
+        out = []
+        for i, path in enumerate(paths):
+            if self._radius_m(i) > 0:
+                out.append(self._rounded(i, path, before[i]))
+            else:
+                out.append(path if self._runs else self._gently(i, path))
+        return tuple(out)
 
     def for_export(self, paths: Sequence[CoveragePath]) -> list[CoveragePath]:
         """Return paths that cover everything, with the runs before and after their lanes."""
-        if self._radius_m > 0:
-            return list(paths)
-        turned = [self._with_runs(p) for p in paths]
-        return list(self._gently(turned)) if self._gentle and self._runs else turned
+        return [
+            path
+            if self._radius_m(i) > 0 or not self._runs
+            else self._gently(i, self._with_runs(path))
+            for i, path in enumerate(paths)
+        ]
 
     def notes(self, frame: LocalFrame) -> tuple[str, ...]:
         """Return what to say about corners that no turn of the radius fits into."""
-        if not len(self._sharp_m):
+        sharp = np.concatenate(self._sharp_m)
+        if not len(sharp):
             return ()
-        lon, lat = frame.to_lonlat(self._sharp_m[:1])[0]
-        count = len(self._sharp_m)
-        corners = "1 corner is" if count == 1 else f"{count} corners are"
-        where = "" if count == 1 else "the first "
+        lon, lat = frame.to_lonlat(sharp[:1])[0]
+        corners = "1 corner is" if len(sharp) == 1 else f"{len(sharp)} corners are"
+        where = "" if len(sharp) == 1 else "the first "
+        radii = sorted({f"{r:g}" for r in map(self._radius_m, range(len(self._waters))) if r > 0})
         return (
             (
-                f"{corners} tighter than --turn-radius {self._radius_m:g} m, no turn fits the "
+                f"{corners} tighter than --turn-radius {' or '.join(radii)} m, no turn fits the "
                 f"water: {where}near {lon:.5f},{lat:.5f}; choose another --angle or look there"
             ),
         )
+
+    def _radius_m(self, robot: int) -> float:
+        return self._work.times[robot].turn_radius_m
 
     def _with_runs(self, path: CoveragePath) -> CoveragePath:
         run_in_m, run_out_m = self._work.options.runs_m
         return with_turnarounds(path, run_in_m, self._limits, run_out_m)
 
-    def _rounded(
-        self, paths: Sequence[CoveragePath], before: Sequence[CoveragePath] | None
-    ) -> tuple[CoveragePath, ...]:
-        options, out, sharp = self._work.options, [], [self._sharp_m[:0]]
-        for i, (path, waters) in enumerate(zip(paths, self._waters, strict=True)):
-            assert isinstance(waters, Waters)  # as made above
-            if before is not None:  # what covering the rest goes by must be passed from now on
-                new = _new_points(path, before[i])
-                self._keep_m[i] = np.concatenate([self._keep_m[i], new])
-            turned, left = round_transits(
-                path,
-                waters,
-                options.swath_m,
-                keep_m=self._keep_m[i],
-                lanes_alone=options.lanes_alone_count,
-            )
-            out.append(turned)
-            sharp.append(left)
-        self._sharp_m = np.concatenate(sharp)
-        return tuple(out)
-
-    def _gently(self, paths: Sequence[CoveragePath]) -> tuple[CoveragePath, ...]:
-        work = self._work
-        return tuple(
-            avoid_reversals(path, water, time, work.options.clearance_m)
-            for path, water, time in zip(paths, self._waters, work.times, strict=True)
+    def _rounded(self, robot: int, path: CoveragePath, before: CoveragePath | None) -> CoveragePath:
+        options, waters = self._work.options, self._waters[robot]
+        assert isinstance(waters, Waters)  # as made above
+        if before is not None:  # what covering the rest goes by must be passed from now on
+            new = _new_points(path, before)
+            self._keep_m[robot] = np.concatenate([self._keep_m[robot], new])
+        turned, self._sharp_m[robot] = round_transits(
+            path,
+            waters,
+            options.swath_m,
+            keep_m=self._keep_m[robot],
+            lanes_alone=options.lanes_alone_count,
         )
+        return turned
+
+    def _gently(self, robot: int, path: CoveragePath) -> CoveragePath:
+        water, time = self._waters[robot], self._work.times[robot]
+        if water is None:
+            return path
+        return avoid_reversals(path, water, time, self._work.options.clearance_m)
 
 
 def _new_points(path: CoveragePath, before: CoveragePath) -> FloatArray:

@@ -22,6 +22,8 @@ TOLERANCE_M = 1.0
 """Corners of the polyline about an arc lie this far outside it at most, or a WP_RADIUS."""
 MAX_SKIP = 4
 """A way may leave out this many bends of the shortest way less one."""
+MOST_WORDS = 4
+"""Of the six ways between two poses in a chain the longest are not looked at."""
 FAR_RADII = 8.0
 """Poses farther apart than this are joined only where they see each other."""
 _AT_ONCE = 8
@@ -86,7 +88,7 @@ class Waters(BerthWater):
         n = len(start)
         cost, word = np.full(n, np.inf), np.zeros(n, dtype=np.int64)
         todo = np.arange(n)
-        for rank in range(length.shape[1]):
+        for rank in range(MOST_WORDS):
             w = order[todo, rank]
             there = np.isfinite(length[todo, w])
             todo, w = todo[there], w[there]

@@ -342,7 +342,7 @@ def _room(at: FloatArray, waters: Waters) -> Choices:
     """Return poses about a point, to turn in where there is no room at the point itself."""
     angle = np.pi / 4 * np.arange(8)
     ring = np.column_stack([np.cos(angle), np.sin(angle)])
-    places = np.concatenate([at + waters.radius_m * r * ring for r in (1.5, 3.0, 5.0)])
+    places = np.concatenate([at + waters.radius_m * r * ring for r in (1.5, 3.5)])
     region = waters.harbour.region
     places = places[shapely.contains_xy(region, places[:, 0], places[:, 1])]
     poses = pose(np.repeat(places, 8, axis=0), np.tile(angle, len(places)))
