@@ -331,7 +331,7 @@ class TripCutter:
         trips = max(len(best) - 1, least)
         if trips <= 1:
             return best
-        low, high = self.largest(), self.allowed
+        low, high = self.largest(), min(self.allowed, self.used(0, len(self)))
         for _ in range(_BISECTIONS):
             middle = (low + high) / 2
             found = self.fewest(middle)
@@ -355,7 +355,8 @@ class TripCutter:
         if not len(self):
             return [self._path]
         if len(self) < least:
-            self._set(self._ground(Stretches(lines_m=self.lines_m, ways_m=tuple(self._ways))))
+            whole = Stretches(lines_m=self.lines_m, ways_m=tuple(self._ways))
+            self._set(_joined(whole, [cut_line(line, FINER * least) for line in self._lines]))
         borders = self.balanced(least)
         if len(borders) > 2 and len(self) < FEW_STRETCHES * (len(borders) - 1):
             whole = Stretches(lines_m=tuple(self._lines), ways_m=tuple(self._ways))
