@@ -507,6 +507,13 @@ def demo_plan_figure() -> None:
     shrink(target)
 
 
+def survey_lines_figure() -> None:
+    """Draw laps, lanes and tie lines with their names."""
+    from make_survey_figure import draw
+
+    draw()
+
+
 FIGURES: dict[str, Callable[[], None]] = {
     "area": area_figure,
     "slices": slices_figure,
@@ -516,6 +523,7 @@ FIGURES: dict[str, Callable[[], None]] = {
     "sweep": sweep_figure,
     "fence": fence_figure,
     "demo-plan": demo_plan_figure,
+    "survey-lines": survey_lines_figure,
 }
 
 
