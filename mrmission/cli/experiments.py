@@ -81,7 +81,7 @@ def paper(
         study = Study(options, progress)
         study.run()
     for table in study.tables:
-        if table.title.startswith(("Table", "How far")):
+        if table.title.startswith(("Table", "How")):
             click.echo(table.markdown())
     for note in study.notes:
         click.echo(f"note: {note}", err=True)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from mrmission.experiments.environments import Environment, impossible
+from mrmission.experiments.environments import Environment, PublishedRow, impossible
 from mrmission.experiments.jobs import Result
 from mrmission.experiments.readings import DEFAULTS, name_of
 from mrmission.experiments.tables import (
@@ -236,6 +236,68 @@ def environment_table(
         notes=tuple(notes),
     )  # fmt: skip
     return table, wrong
+
+
+def published_table(items: Sequence[tuple[Environment, Result]]) -> Table:
+    """Return how near each planner comes to the authors' maxima, by default and at best.
+
+    The errors are of the maximum cost for every environment and k above 1, relative to theirs.
+    """
+    rows = []
+    notes = []
+    for reading in DEFAULTS:
+        planner = reading.planner
+        known = [(e.published[planner], plans) for e, plans in items if planner in e.published]
+        if not known:
+            continue
+        ranked = sorted(
+            (_errors(known, name), name) for name in known[0][1]["plans"] if _is_of(name, planner)
+        )
+        names = [name for _, name in ranked]
+        default, nearest = name_of(reading), names[0]
+        rank = names.index(default)
+        (off, most, same, count), (best, best_most, best_same, _) = ranked[rank][0], ranked[0][0]
+        rows.append(
+            (
+                planner,
+                f"{off:.1%}",
+                f"{most:.1%}",
+                f"{same} of {count}",
+                f"{rank + 1} of {len(ranked)}",
+                f"{best:.1%}",
+                f"{best_most:.1%}",
+                f"{best_same} of {count}",
+            )
+        )
+        notes.append(f"{planner} nearest: `{nearest}`")
+    return Table(
+        title="How near the readings come to the authors' published maxima",
+        header=(
+            "planner", "default, mean error", "largest", "same number of tours", "its rank",
+            "nearest, mean error", "largest", "same number of tours",
+        ),
+        rows=tuple(rows),
+        notes=tuple(notes),
+    )  # fmt: skip
+
+
+def _is_of(name: str, planner: str) -> bool:
+    return name.split()[0] == planner
+
+
+def _errors(
+    known: Sequence[tuple[PublishedRow, Result]], name: str
+) -> tuple[float, float, int, int]:
+    """Return mean and largest relative error of the maxima, how often the tours are as many."""
+    errors, same = [], 0
+    for row, plans in known:
+        for k, cost, tours in zip(row.robots, row.max_cost, row.tours, strict=True):
+            if k == 1 or k not in ROBOTS:
+                continue
+            mine = plans["plans"][name][ROBOTS.index(k)]
+            errors.append(abs(mine[0] / cost - 1))
+            same += int(mine[1]) == tours
+    return float(np.mean(errors)), max(errors), same, len(errors)
 
 
 def balance_table(

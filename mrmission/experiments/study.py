@@ -37,7 +37,7 @@ FOLDER = "experiments"
 FRESH = 1000
 """Fresh maps have the seed of the study plus this."""
 FIGURE_5_ROBOTS = 4
-IN_ORDER = ("table-1", "table-2", "table-2-fresh", "figure-4")
+IN_ORDER = ("table-1", "table-2", "table-2-fresh", "figure-4", "published", "balance")
 CELL_METHODS = ("crc", "cac", "nrc", "fhk")
 NAMES = [name_of(reading) for reading in DEFAULTS]
 READINGS: str | list[str] = "all"
@@ -231,6 +231,9 @@ class Study:
             self._table(f"environment-{environment.name}", table)
             self.notes.extend(f"arithmetically impossible: {line}" for line in wrong)
         found = list(zip(self._found, plans, lanes, strict=True))
+        if any(environment.published for environment in self._found):
+            pairs = [(environment, mine) for environment, mine, _ in found]
+            self._table("published", compare.published_table(pairs))
         self._table("balance", compare.balance_table(found))
         self._figure_6(found)
         for environment in self._found:

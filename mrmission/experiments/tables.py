@@ -106,10 +106,17 @@ def plan_array(maps: Sequence[Result], name: str) -> Any:
 
 
 def score(
-    maps: Sequence[Result], name: str, reading: ScoreReading, robots: Sequence[int] = ROBOTS
+    maps: Sequence[Result],
+    name: str,
+    reading: ScoreReading,
+    robots: Sequence[int] = ROBOTS,
+    rows: Any = None,
 ) -> Score:
-    """Return a row of Table 2 for one reading of a planner."""
-    rows = plan_array(maps, name)
+    """Return a row of Table 2 for one reading of a planner.
+
+    `rows` may be given by who asks often: :func:`plan_array` of the maps and the name.
+    """
+    rows = plan_array(maps, name) if rows is None else rows
     chosen = [robots.index(k) for k in ROBOT_SETS[reading.robots] if k in robots]
     if reading.denominator == "tour":
         whole = np.array([m["tour_costs"][_doubled(name)] for m in maps])
@@ -157,10 +164,11 @@ def by_distance(maps: Sequence[Result], planner: str) -> list[Nearest]:
     names = [name for name in maps[0]["plans"] if name.split()[0] == planner]
     found = []
     for name in names:
+        rows = plan_array(maps, name)
         for reading in SCORE_READINGS:
             if reading.denominator == "free" and _doubled(name) == "halves":
                 continue  # the tour in halves costs the free area
-            row = score(maps, name, reading)
+            row = score(maps, name, reading, rows=rows)
             distance = row.distance(PAPER_TABLE_2[planner])
             found.append(Nearest(name=name, reading=reading, score=row, distance=distance))
     # the first of equals is the one that is nearest to how the other rows are read

@@ -117,7 +117,7 @@ def test_the_study_writes_everything_and_goes_on_where_it_stopped(
     study = Study(small)
     study.run()
     folder = small.out / "experiments"
-    for name in ("table-1", "table-2", "table-2-fresh", "figure-4", "environment-small", "balance",
+    for name in ("table-1", "table-2", "table-2-fresh", "figure-4", "environment-small", "published", "balance",
                  "seconds", "complexity"):  # fmt: skip
         assert (folder / f"{name}.md").read_text().startswith("## ")
         rows = list(csv.reader((folder / f"{name}.csv").read_text().splitlines()))
