@@ -10,6 +10,7 @@ import numpy as np
 
 from mrmission.errors import ConfigError
 from mrmission.experiments.regions import Owners
+from mrmission.model import BoolArray
 from mrmission.report.colours import robot_colour
 
 if TYPE_CHECKING:
@@ -107,6 +108,22 @@ def figure_5(panels: Sequence[tuple[str, Owners]]) -> Figure:
         )
         axis.set_title(title, fontsize=8)
         axis.set_axis_off()
+    return figure
+
+
+def map_sheet(maps: Sequence[BoolArray], rows: int = 2) -> Figure:
+    """Draw maps on one sheet at one scale, obstacles black."""
+    columns = -(-len(maps) // rows)
+    width = max(free.shape[0] for free in maps) + 6
+    height = max(free.shape[1] for free in maps) + 6
+    sheet = np.full((rows * height, columns * width), 1.0)
+    for i, free in enumerate(maps):
+        x, y = (i % columns) * width + 3, (rows - 1 - i // columns) * height + 3
+        sheet[y - 1 : y + free.shape[1] + 1, x - 1 : x + free.shape[0] + 1] = 0.6
+        sheet[y : y + free.shape[1], x : x + free.shape[0]] = free.T
+    figure, (axis,) = _figure(7.2, 7.2 * sheet.shape[0] / sheet.shape[1])
+    axis.imshow(sheet, origin="lower", cmap="gray", vmin=0, vmax=1, interpolation="nearest")
+    axis.set_axis_off()
     return figure
 
 

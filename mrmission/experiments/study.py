@@ -18,6 +18,7 @@ from mrmission.experiments.driven import drive_plan, plan_in_seconds, save_map
 from mrmission.experiments.environments import Environment, environments, free_pixels
 from mrmission.experiments.jobs import Job, Result, Work, run_jobs
 from mrmission.experiments.lanes import lane_tours, strips_of
+from mrmission.experiments.random_maps import random_map
 from mrmission.experiments.readings import DEFAULTS, Planner, name_of
 from mrmission.experiments.regions import (
     Owners,
@@ -37,6 +38,8 @@ FOLDER = "experiments"
 FRESH = 1000
 """Fresh maps have the seed of the study plus this."""
 FIGURE_5_ROBOTS = 4
+SHEET = 12
+"""Random maps that are drawn."""
 IN_ORDER = ("table-1", "table-2", "table-2-fresh", "figure-4", "published", "balance")
 CELL_METHODS = ("crc", "cac", "nrc", "fhk")
 NAMES = [name_of(reading) for reading in DEFAULTS]
@@ -193,6 +196,13 @@ class Study:
             ],
         )
         self._table("table-1", tables.table_1(maps))
+
+        def sheet() -> Figure:
+            from mrmission.experiments.figures import map_sheet
+
+            return map_sheet([random_map(seed, i) for i in range(min(SHEET, effort.maps))])
+
+        self._figure("random-maps", sheet)
         self._table("table-2", compare.table_2(maps, lanes))
         self._table("table-2-fresh", compare.table_2_fresh(maps, fresh))
         self._write("table-2-readings.csv", compare.all_scores(maps).csv())
