@@ -27,8 +27,10 @@ MANY = ((0.0, 0.5),)
 TRIAL = ((60, 0.5, 0.3),)
 POLISH = tuple((250, 0.3 * 0.55**turn, 0.3) for turn in range(5))
 """Rounds of steps: how many, the first in parts of a typical leg, the last against the first."""
-MOST_STEPS = 75_000
+MOST_STEPS = 50_000
 """Rounds of more lines have fewer steps: so many lines times steps."""
+TRIES = (2, 6)
+"""How often a makespan is lowered until all legs prove it: between rounds, after the last."""
 FOLLOW = 3.0
 """Depths move so many times as far as charges do."""
 MOST_ENDS = 15
@@ -297,7 +299,7 @@ def _climb(
         )  # fmt: skip
         found = kernels.dense_makespan(
             task.robots, found, task.line_s, task.table,
-            task.home_s, charge, depth, sets, toll, via,
+            task.home_s, charge, depth, sets, toll, via, TRIES[(steps, first, last) == rounds[-1]],
         )  # fmt: skip
         covers = _Covers(covers.start, covers.end, toll)
         if found > best.makespan:

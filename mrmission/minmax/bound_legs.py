@@ -405,9 +405,9 @@ def _dense_value(  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def dense_makespan(  # type: ignore[no-untyped-def]
-    robots, hoped, line_s, ways, home_s, charge, depth, covers, toll, via
+    robots, hoped, line_s, ways, home_s, charge, depth, covers, toll, via, tries
 ):
-    """Return a makespan no more than the hoped one that all legs prove, 0 when none was found.
+    """Return a makespan no more than the hoped one that all legs prove, 0 if none in some tries.
 
     The legs that matter at the hoped one are written to ``via``.
     """
@@ -429,7 +429,7 @@ def dense_makespan(  # type: ignore[no-untyped-def]
     scrap = via.copy()
     least = 2.0 * depth.max()
     makespan = hoped
-    for _ in range(12):
+    for _ in range(tries):
         # the value is about work over room, so this comes close from either side
         makespan = least + (makespan - least) * min(max(value / robots * 0.9999, 0.5), 0.9999)
         value = _dense_value(
