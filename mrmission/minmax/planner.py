@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from mrmission.minmax.bound import LanesBound, lanes_bound
 from mrmission.minmax.costs import speed_scales
+from mrmission.minmax.cut import cut_lines, swept_in_one_go
 from mrmission.minmax.hooks import Hooks, find_hooks, no_hooks
 from mrmission.minmax.problem import LaneProblem, SparseWays
 from mrmission.minmax.runs import part_costs, priced
@@ -27,6 +30,8 @@ def lane_tours(work: PartWork) -> PartTours:
     """Return the tours of the lane planner."""
     from mrmission.minmax.search import minmax
 
+    pieces = cut_lines(work)
+    work = replace(work, lines=pieces.lines)
     hooks, extra = find_hooks(work)
     if work.time.turn_radius_m > 0:  # arcs go other ways: what they leave is looked for later
         hooks = no_hooks(2 * len(work.lines + extra))
@@ -38,6 +43,10 @@ def lane_tours(work: PartWork) -> PartTours:
     paths = tour_paths(
         work.harbour, lines, hooks, tours.entries, lanes_alone=work.options.lanes_alone_count
     )
+    if least is not None and least.end_cost is not None:
+        own = np.arange(len(work.lines), len(lines))  # extra lines are whole
+        line_of = np.concatenate([pieces.line_of, len(work.lines) + own])
+        least = swept_in_one_go(least, tours, line_of)
     bound = _bound(least, work)
     return PartTours(
         method="minmax",

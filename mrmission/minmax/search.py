@@ -26,10 +26,9 @@ the seed, never on the machine's speed."""
 NEIGHBOURS = 12
 MAX_SEGMENT = 8
 FIRST_POWER, LAST_POWER = 6.0, 160.0
-FIRST_HEAT, LAST_HEAT = 0.1, 0.001
-FEW_HEAT = 6.0
-"""Where robots have few lines each, a move changes much: the heat at first is so much over the
-lines per robot, if that is more."""
+FIRST_HEAT = 5.0
+LAST_HEAT = 0.02
+"""At first, and at last, a tour grows by so many ways to a nearest end in one move of three."""
 LOOK_STEPS, FEW_LINES = 1024, 200
 """So many steps at least lie between looks at whether the tours are the best so far; few lines are
 looked at whenever they change."""
@@ -107,7 +106,14 @@ _NO_ARRAYS = (
     np.zeros((0, 5), np.float32),
 )
 _NO_SECONDS = np.zeros(0, np.float32)
-_NO_PRICE = (np.zeros((0, 2)), np.zeros(0), np.zeros(1), np.zeros(3))
+_NO_PRICE = (
+    np.zeros((0, 2)),
+    np.zeros(0),
+    np.zeros(1),
+    np.zeros(3),
+    np.zeros(0, np.int64),
+    np.zeros(0),
+)
 
 
 def _neighbours(end_cost: npt.NDArray[np.float64]) -> npt.NDArray[np.int32]:
@@ -140,9 +146,23 @@ def _way(ends, arrays, second_s, price, e, f):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _book(r, routes, sizes, lane, ends, arrays, second_s, price, route_of, place_of, swept, gone):  # type: ignore[no-untyped-def]
-    """Write down where the lines of tour `r` are, what is swept up to each, and the ways so far."""
-    for i in range(sizes[r]):
+def _book(  # type: ignore[no-untyped-def]
+    r,
+    start,
+    routes,
+    sizes,
+    lane,
+    ends,
+    arrays,
+    second_s,
+    price,
+    route_of,
+    place_of,
+    swept,
+    gone,
+):
+    """Write down, from place `start` of tour `r` on, where its lines are, and the sums so far."""
+    for i in range(start, sizes[r]):
         e = routes[r, i]
         route_of[e >> 1] = r
         place_of[e >> 1] = i
@@ -181,7 +201,19 @@ def _anneal(  # type: ignore[no-untyped-def]
     gone = np.zeros((robots, lanes))  # cost of the ways between them, without the way from home
     for r in range(robots):
         _book(
-            r, routes, sizes, lane, ends, arrays, second_s, price, route_of, place_of, swept, gone
+            r,
+            0,
+            routes,
+            sizes,
+            lane,
+            ends,
+            arrays,
+            second_s,
+            price,
+            route_of,
+            place_of,
+            swept,
+            gone,
         )
     best = routes.copy()
     best_sizes = sizes.copy()
@@ -193,17 +225,25 @@ def _anneal(  # type: ignore[no-untyped-def]
     top = np.argmax(cost)
     x = state[0]
     power = FIRST_POWER
-    first_heat = max(FIRST_HEAT, FEW_HEAT * robots / lanes)
-    heat = first_heat
+    heat = 0.0
     reference = cost.max()
+    unit, ways = 0.0, 0  # a usual way to a near end; the pieces of a cut line have none
+    for i in range(len(near)):
+        for f in near[i]:
+            seconds = _way(ends, arrays, second_s, price, i, f)
+            if seconds > 1e-6 * reference:
+                unit += seconds
+                ways += 1
+                break
+    unit = max(unit / max(ways, 1), 1e-6 * reference)
     look = 0
     for step in range(steps):
         if step % 256 == 0:
             done = step / steps
-            power = FIRST_POWER * (LAST_POWER / FIRST_POWER) ** done
-            heat = first_heat * (LAST_HEAT / first_heat) ** done
             top = np.argmax(cost)
             reference = cost[top]
+            power = FIRST_POWER * (LAST_POWER / FIRST_POWER) ** done
+            heat = FIRST_HEAT * (LAST_HEAT / FIRST_HEAT) ** done * unit * power / reference
         x = _next_random(x)
         random = np.int64(x >> np.uint64(2))
         # the end e of a line is to be joined to a near end f of another
@@ -222,6 +262,7 @@ def _anneal(  # type: ignore[no-untyped-def]
         x = _next_random(x)
         luck = -math.log((np.float64(x >> np.uint64(11)) + 0.5) / 9007199254740992.0) * heat
         na, nb = sizes[a], sizes[b]
+        from_a, from_b = 0, 0  # the first places that a move changes
         if kind < 4 or (kind < 6 and a != b):
             # a segment that begins (or ends) with e goes next to f
             m = 1 + (random >> 50) % MAX_SEGMENT
@@ -275,6 +316,7 @@ def _anneal(  # type: ignore[no-untyped-def]
                 gain = (new_a / reference) ** power - (cost[a] / reference) ** power
                 if gain > luck:
                     continue
+                from_a = min(first, at)
                 k = 0
                 for i in range(na + 1):
                     if i == at:
@@ -294,7 +336,7 @@ def _anneal(  # type: ignore[no-untyped-def]
                 back = 0
                 if kind >= 4:
                     x = _next_random(x)
-                    back = 1 + np.int64(x >> np.uint64(5)) % MAX_SEGMENT
+                    back = int(1 + np.int64(x >> np.uint64(5)) % MAX_SEGMENT)
                 if f_is_exit:
                     first_b, last_b = at, min(nb - 1, at + back - 1)
                 else:
@@ -389,6 +431,7 @@ def _anneal(  # type: ignore[no-untyped-def]
                         scratch_b[i] = routes[b, first_b + i]
                     else:
                         scratch_b[i] = routes[b, last_b - i] ^ 1
+                from_a, from_b = first, first_b
                 _replace(routes, a, na, first, count, scratch_b, back)
                 _replace(routes, b, nb, first_b, back, scratch, count)
                 sizes[a] += back - count
@@ -423,6 +466,7 @@ def _anneal(  # type: ignore[no-untyped-def]
             gain = (new_a / reference) ** power - (cost[a] / reference) ** power
             if gain > luck:
                 continue
+            from_a = first
             while first <= last:
                 left_end, right_end = routes[a, first] ^ 1, routes[a, last] ^ 1
                 routes[a, first], routes[a, last] = right_end, left_end
@@ -482,6 +526,7 @@ def _anneal(  # type: ignore[no-untyped-def]
             )
             if gain > luck:
                 continue
+            from_a, from_b = cut_a, cut_b if crossed else 0
             ka, kb = 0, 0
             for i in range(cut_a):
                 scratch[ka] = routes[a, i]
@@ -518,6 +563,7 @@ def _anneal(  # type: ignore[no-untyped-def]
                 break
             _book(
                 r,
+                from_a if turn == 0 else from_b,
                 routes,
                 sizes,
                 lane,
