@@ -112,7 +112,7 @@ def test_a_file_that_is_none(tmp_path: Path) -> None:
 
 def test_contradictions(tmp_path: Path) -> None:
     file = read_fleet(fleet(tmp_path, MIXED))
-    with pytest.raises(ConfigError, match="--k 2 and --fleet .*: the file has 3 robots"):
+    with pytest.raises(ConfigError, match=r"--k 2 and --fleet .*: the file has 3 robots"):
         file.robots({"robots": 2})
     own = read_fleet(fleet(tmp_path, "[[robot]]\nswath = 10\n[[robot]]\nswath = 12"))
     with pytest.raises(ConfigError, match="every robot of the file has its own swath"):
