@@ -8,6 +8,7 @@ OGC KML 2.3, OGC 12-007r2.
 from __future__ import annotations
 
 import colorsys
+from collections import Counter
 from collections.abc import Sequence
 from xml.sax.saxutils import escape
 
@@ -39,9 +40,10 @@ def tours_kml(missions: Sequence[Mission], name: str = "mrmission") -> str:
                 f'<Style id="{kind}-{index + 1}"><LineStyle><color>{colour}</color>'
                 f"<width>{width}</width></LineStyle></Style>"
             )
+    trips = Counter(mission.robot for mission in missions)
     for index, mission in enumerate(missions):
         title = f"robot {mission.robot}"
-        if mission.sortie > 1:
+        if trips[mission.robot] > 1:
             title += f", sortie {mission.sortie}"
         out.append(f"<Folder><name>{title}</name>")
         if mission.items:

@@ -72,6 +72,9 @@ class FleetTable:
         robots.add_column("robot", justify="right", no_wrap=True)
         if wide:
             robots.add_column("start (lon,lat)", no_wrap=True)
+        several = any(len(row.sorties) > 1 for row in report.robots)
+        if several:
+            robots.add_column("trips", justify="right", no_wrap=True)
         for name in ("lanes", "items", "survey", "transit", "length", "time"):
             robots.add_column(name, justify="right", no_wrap=True)
         fenced = any(row.fence_points for row in report.robots)
@@ -79,9 +82,12 @@ class FleetTable:
             robots.add_column("fence", justify="right")
         longest_s = max((row.duration_s for row in report.robots), default=0.0)
         for row in report.robots:
-            cells = [Text(f"■ {row.robot}", style=robot_colour(row.robot, dark=True))]
+            label = f"■ {row.robot}" + (f" {row.name}" if row.name else "")
+            cells = [Text(label, style=robot_colour(row.robot, dark=True))]
             if wide:
                 cells.append(Text(human_lonlat(*row.start_lonlat)))
+            if several:
+                cells.append(Text(str(len(row.trips)) if row.lanes else "–"))
             cells += [
                 Text(str(row.lanes) if row.lanes else "no work"),
                 Text(str(row.items)),
