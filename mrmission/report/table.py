@@ -82,7 +82,7 @@ class FleetTable:
             robots.add_column("fence", justify="right")
         longest_s = max((row.duration_s for row in report.robots), default=0.0)
         for row in report.robots:
-            label = f"■ {row.robot}" + (f" {row.name}" if row.name else "")
+            label = f"■ {row.robot}" + (f" {row.name}" if wide and row.name else "")
             cells = [Text(label, style=robot_colour(row.robot, dark=True))]
             if wide:
                 cells.append(Text(human_lonlat(*row.start_lonlat)))
