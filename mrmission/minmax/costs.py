@@ -222,8 +222,15 @@ def least_near_s(
         return near_s
     marked = time.with_reversals_marked(REVERSAL_DEG, MARK_S)
     seconds = near_seconds(near, ends, out, hooks, marked, lanes_alone)
-    least = np.maximum(near.metres / time.transit_speed_m_s + 4 * floor, 0.0)
-    return np.where(seconds - near_s > 0.5 * MARK_S, np.minimum(near_s, least), near_s)
+    count = np.round(np.maximum(seconds - near_s, 0.0) / MARK_S)
+    # a reversal, the corner behind it and the short leg between the two: all that can become less
+    curves = (time.survey, time.transit)
+    corner_s = max(float(c.corner_s.max()) for c in curves) - 2 * floor
+    short_s = max(float((c.first_s + np.maximum(c.bend_s, c.zigzag_s)).max()) for c in curves)
+    least = np.maximum(
+        near.metres / time.transit_speed_m_s + 4 * floor, near_s - count * (2 * corner_s + short_s)
+    )
+    return np.where(count > 0, np.clip(least, 0.0, near_s), near_s)
 
 
 def least_lane_s(lines: tuple[SurveyLine, ...], time: TimeModel) -> FloatArray:
