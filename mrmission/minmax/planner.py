@@ -6,12 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from mrmission.minmax.bound import LanesBound, lanes_bound
+from mrmission.minmax.bound import LanesBound, lanes_bound, many_lanes_bound
 from mrmission.minmax.costs import speed_scales
 from mrmission.minmax.cut import cut_lines, swept_in_one_go
 from mrmission.minmax.hooks import Hooks, find_hooks, no_hooks
 from mrmission.minmax.problem import LaneProblem, SparseWays
 from mrmission.minmax.runs import part_costs, priced
+from mrmission.minmax.sparse_costs import SparseCosts, sparse_line_costs
 from mrmission.minmax.travel import DENSE_ENDS
 from mrmission.minmax.trips import weighted
 from mrmission.minmax.ways import hooked_ways
@@ -36,7 +37,7 @@ def lane_tours(work: PartWork) -> PartTours:
     if work.time.turn_radius_m > 0:  # arcs go other ways: what they leave is looked for later
         hooks = no_hooks(2 * len(work.lines + extra))
     lines = work.lines + extra
-    problem, least = _problems(lines, hooks, work)
+    problem, least, beyond = _problems(lines, hooks, work)
     problem = weighted(problem, work.weights)
     budget_s = min(work.options.time_budget_s, BUDGET_PER_LINE_S * len(lines))
     tours = minmax(problem, budget_s, work.options.seed)
@@ -47,7 +48,7 @@ def lane_tours(work: PartWork) -> PartTours:
         own = np.arange(len(work.lines), len(lines))  # extra lines are whole
         line_of = np.concatenate([pieces.line_of, len(work.lines) + own])
         least = swept_in_one_go(least, tours, line_of)
-    bound = _bound(least, work)
+    bound = _bound(least, beyond, work)
     return PartTours(
         method="minmax",
         paths=paths,
@@ -58,13 +59,11 @@ def lane_tours(work: PartWork) -> PartTours:
 
 def _problems(
     lines: tuple[SurveyLine, ...], hooks: Hooks, work: PartWork
-) -> tuple[LaneProblem, LaneProblem | None]:
-    """Return what the search is told, and for a bound the least of it; None of too many lines."""
+) -> tuple[LaneProblem, LaneProblem | None, SparseCosts | None]:
+    """Return what the search is told and, for a bound, the least of it: either of two kinds."""
     if 2 * len(lines) <= DENSE_ENDS:
         costs = part_costs(lines, hooks, work)
-        return costs.problem, costs.least
-    from mrmission.minmax.sparse_costs import sparse_line_costs
-
+        return costs.problem, costs.least, None
     longer, extra_s = priced(lines, work)
     sparse = sparse_line_costs(
         longer, hooks, work.harbour, work.homes_m, work.times,
@@ -78,13 +77,28 @@ def _problems(
         lane_cost=sparse.lane_s + extra_s, home_cost=sparse.home_s, sparse=ways,
         sweep_scale=sweep, travel_scale=travel,
     )  # fmt: skip
-    return problem, None
+    return problem, None, sparse
 
 
-def _bound(least: LaneProblem | None, work: PartWork) -> LanesBound | None:
+def _bound(
+    least: LaneProblem | None, beyond: SparseCosts | None, work: PartWork
+) -> LanesBound | None:
     """Return what no plan of the same lines can beat; None where it is not known."""
-    trips = len(set(work.robots)) < len(work.robots)  # planned as robots of their own
-    if least is None or least.end_cost is None or trips:
+    if len(set(work.robots)) < len(work.robots):  # trips, planned as robots of their own
+        return None
+    if beyond is not None:
+        sweep, travel = speed_scales(work.times)
+        return many_lanes_bound(
+            line_s=beyond.least_lane_s,
+            ends_m=beyond.ends_m,
+            near=beyond.near.astype(np.int64),
+            speed_m_s=work.time.transit_speed_m_s,
+            slack_s=beyond.slack_s,
+            home_s=beyond.least_home_s,
+            sweep_scale=sweep,
+            travel_scale=travel,
+        )
+    if least is None or least.end_cost is None:
         return None
     return lanes_bound(
         line_s=least.lane_cost,

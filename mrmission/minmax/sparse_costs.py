@@ -29,6 +29,7 @@ from mrmission.model import FloatArray
 from mrmission.routing.harbour import Harbour
 from mrmission.tour.lines import SurveyLine, ends_of, lengths_m
 from mrmission.tour.timing import TimeModel
+from mrmission.tour.turning import MOST_TRIM
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,6 +51,9 @@ class SparseCosts:
         order) can't be less than, for lower bounds.
     beyond_s
         (2 · lines,) what no way from an end is below that is not in its row of the table.
+    ends_m, slack_s
+        (2 · lines, 2) where the ends are, and what a way may take less than its length at transit
+        speed: no more than the corners that it cuts, gentle reversals and trimmed turns included.
     """
 
     lane_s: FloatArray
@@ -62,6 +66,8 @@ class SparseCosts:
     least_home_s: FloatArray
     least_s: Float
     beyond_s: FloatArray
+    ends_m: FloatArray
+    slack_s: float
 
 
 def sparse_line_costs(
@@ -115,6 +121,8 @@ def sparse_line_costs(
         least_home_s=home_least_s,
         least_s=least_s.astype(np.float32),
         beyond_s=np.maximum(arrays[0][:, 3] * rest[1] + 2 * floor, 0.0),
+        ends_m=ends,
+        slack_s=-4 * floor + 2 * MOST_TRIM * time.turn_radius_m / time.transit_speed_m_s,
     )
 
 
