@@ -24,7 +24,16 @@ from mrmission.minmax.costs import (
     outward,
 )
 from mrmission.minmax.hooks import Hooks
-from mrmission.minmax.travel import Arrays, Float, Int, Price, Travel, price_table, travel_between
+from mrmission.minmax.travel import (
+    Arrays,
+    Float,
+    Int,
+    Price,
+    Travel,
+    no_answers,
+    price_table,
+    travel_between,
+)
 from mrmission.model import FloatArray
 from mrmission.routing.harbour import Harbour
 from mrmission.tour.lines import SurveyLine, ends_of, lengths_m
@@ -89,7 +98,7 @@ def sparse_line_costs(
     hook_s = _mean_hook_s(ends, out, hooks, time, lanes_alone)
     table, mean = _corner_table(time)
     rest = np.array([mean, 1.0 / time.transit_speed_m_s, BENT])
-    price: Price = (out, hook_s, table, rest)
+    price: Price = (out, hook_s, table, rest, *no_answers())
     second_s = price_table(arrays, price)
     floor = min(0.0, float(table.min()))
     least_s = np.maximum(length_m * rest[1] + 2 * floor, 0.0)

@@ -32,14 +32,17 @@ TABLE = 144
 """Each end knows the exact lengths to about so many ends, rather fewer where the shore is rough."""
 CLUSTERS = 2000
 """At most so many clusters share the ends."""
+ASKED_BITS = 18
+"""Of so many bits is the number of a place where an answer is kept for the next time."""
 _BENDS = 5
 
-Price: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
-"""``(out, hook_s, table, rest)``: what makes seconds of metres.
+Price: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, FloatArray, Long, FloatArray]
+"""``(out, hook_s, table, rest, asked, answer_s)``: what makes seconds of metres.
 
 out: (2n, 2) unit vectors out of the lines, 0 where there is none; hook_s: (2n,) what the hooks of
 an end add; table: seconds of a corner by the cosine of its turn, from -1 to 1; rest: seconds of a
-mean corner, seconds per metre, and how many times the straight line a way counts as bent.
+mean corner, seconds per metre, and how many times the straight line a way counts as bent; asked,
+answer_s: pairs that were asked for lately and their seconds, written by `travel_s`.
 """
 
 Arrays: TypeAlias = tuple[FloatArray, Int, Long, Int, Float, Float]
@@ -75,6 +78,11 @@ class Travel:
     near: Int
     near_m: FloatArray
     arrays: Arrays | None
+
+
+def no_answers() -> tuple[Long, FloatArray]:
+    """Return `asked` and `answer_s` of a price of which nothing was asked yet."""
+    return np.full(1 << ASKED_BITS, -1, dtype=np.int64), np.zeros(1 << ASKED_BITS)
 
 
 def travel_between(harbour: Harbour, ends_m: FloatArray, *, dense_ends: int = DENSE_ENDS) -> Travel:
@@ -364,7 +372,7 @@ def price_way(
     price: Price, metres: float, straight: float, e: int, f: int, x: float, y: float
 ) -> float:
     """Return the seconds of a way of known length from end e to f that lies off by (x, y)."""
-    out, hook_s, table, rest = price
+    out, hook_s, table, rest, _, _ = price
     mean, s_per_m, bent = rest[0], rest[1], rest[2]
     corner = 2.0 * mean
     if straight > 0.0 and metres <= bent * straight:
@@ -385,12 +393,20 @@ def travel_s(arrays: Arrays, second_s: Float, price: Price, e: int, f: int) -> f
     """Return the seconds of the way between two ends, its corners and hooks, see `travel_m`."""
     if e > f:
         e, f = f, e
+    end, asked, answer_s = arrays[0], price[4], price[5]
+    pair = np.int64(e) * len(end) + f
+    slot = (np.uint64(pair) * np.uint64(0x9E3779B97F4A7C15)) >> np.uint64(64 - ASKED_BITS)
+    if asked[slot] == pair:
+        return answer_s[slot]
     k, metres = find_way(arrays, e, f)
     if k >= 0:
-        return float(second_s[k])
-    end = arrays[0]
-    x, y = end[f, 0] - end[e, 0], end[f, 1] - end[e, 1]
-    return price_way(price, metres, math.hypot(x, y), e, f, x, y)
+        seconds = float(second_s[k])
+    else:
+        x, y = end[f, 0] - end[e, 0], end[f, 1] - end[e, 1]
+        seconds = price_way(price, metres, math.hypot(x, y), e, f, x, y)
+    asked[slot] = pair
+    answer_s[slot] = seconds
+    return seconds
 
 
 @njit(cache=True, error_model="numpy")
