@@ -221,7 +221,14 @@ class Study:
         plans = self._jobs(
             "environments",
             paper_plans,
-            [{"source": e.source, "readings": NAMES, "robots": list(ROBOTS)} for e in self._found],
+            [
+                {
+                    "source": e.source,
+                    "readings": READINGS if e.published else NAMES,
+                    "robots": list(ROBOTS),
+                }
+                for e in self._found
+            ],
         )
         lanes = self._jobs(
             "environments, lanes",
