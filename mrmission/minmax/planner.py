@@ -38,6 +38,8 @@ def lane_tours(work: PartWork) -> PartTours:
         hooks = no_hooks(2 * len(work.lines + extra))
     lines = work.lines + extra
     problem, least, beyond = _problems(lines, hooks, work)
+    own = np.arange(len(work.lines), len(lines))  # extra lines are whole
+    line_of = np.concatenate([pieces.line_of, len(work.lines) + own])
     problem = weighted(problem, work.weights)
     budget_s = min(work.options.time_budget_s, BUDGET_PER_LINE_S * len(lines))
     tours = minmax(problem, budget_s, work.options.seed)
@@ -45,8 +47,6 @@ def lane_tours(work: PartWork) -> PartTours:
         work.harbour, lines, hooks, tours.entries, lanes_alone=work.options.lanes_alone_count
     )
     if least is not None and least.end_cost is not None:
-        own = np.arange(len(work.lines), len(lines))  # extra lines are whole
-        line_of = np.concatenate([pieces.line_of, len(work.lines) + own])
         least = swept_in_one_go(least, tours, line_of)
     bound = _bound(least, beyond, work)
     return PartTours(

@@ -20,7 +20,7 @@ from mrmission.minmax.travel import travel_s
 
 __all__ = ["STEPS_PER_SECOND", "LaneProblem", "LaneTours", "minmax", "tour_cost"]
 
-STEPS_PER_SECOND = 2_500_000
+STEPS_PER_SECOND = 1_500_000
 """Search steps that stand for one second of `time_budget`: the answer depends on the budget and
 the seed, never on the machine's speed."""
 NEIGHBOURS = 12
