@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import permutations, product
 
 import numpy as np
@@ -109,3 +110,20 @@ def test_the_first_split_is_as_even_as_that_order_allows(seed: int) -> None:
         for b in range(a, 8)
     ]
     assert got == pytest.approx(min(cuts), rel=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_robots_of_different_speed_share_by_speed(seed: int) -> None:
+    plain = _problem(40, 3, seed)
+    sweep, travel = np.array([1.0, 2.0, 1.5]), np.array([1.0, 3.0, 0.8])
+    mixed = replace(plain, sweep_scale=sweep, travel_scale=travel)
+    tours = minmax(mixed, 0.1, seed)
+    for robot, entries in enumerate(tours.entries):
+        own = entries >> 1
+        gone = plain.end_cost[entries[:-1] ^ 1, entries[1:]].sum()  # type: ignore[index]
+        home = plain.home_cost[robot, entries[0]] + plain.home_cost[robot, entries[-1] ^ 1]
+        seconds = sweep[robot] * plain.lane_cost[own].sum() + travel[robot] * gone + home
+        assert tours.cost[robot] == pytest.approx(seconds, rel=1e-9)
+    swept = [plain.lane_cost[entries >> 1].sum() for entries in tours.entries]
+    assert swept[0] > swept[1]
+    assert tours.cost.max() < 1.1 * tours.cost.mean()

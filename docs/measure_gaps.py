@@ -1,0 +1,226 @@
+"""Measure how near to best fleet plans are: makespans and gaps by number of robots and method.
+
+    python docs/measure_gaps.py AREAS... --random-maps 40 --out gaps.jsonl --judge score_missions.py
+    python docs/measure_gaps.py --out gaps.jsonl --table
+
+Areas are planned at a swath of the longest side of their bounding box over 150, overlap 0,
+clearance 0, from the middle of the largest part; random maps are those of
+`mrmission experiments paper`, at 10 m per pixel. CPU time is that of reading, planning and
+exporting one area in a process that has planned before; without fences. Boats are not kept apart
+(`--separation 0`) and hold any number of items, so that the makespan is that of the tours. One JSON line per plan; resumable:
+what is in the file already is not planned again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+import time
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mrmission.area.frame import LocalFrame, project_polygons
+from mrmission.area.region import navigable_region, parts_by_size
+from mrmission.cli.areas import read_area
+from mrmission.errors import MrMissionError
+from mrmission.model import SurveyArea
+from mrmission.options import METHODS, PlanOptions, VehicleLimits
+from mrmission.pipeline import plan
+from mrmission.results import write_results
+
+COLUMNS = 150
+METRES_PER_PX = 10.0
+MAP_COLUMNS = 60
+KEYS = ("area", "k", "method", "seed", "budget")
+
+
+def read_case(name: str, folder: Path) -> tuple[SurveyArea, Path]:
+    """Return an area and the file that the judge is to read; ``map:7`` is random map 7."""
+    if not name.startswith("map:"):
+        return read_area(Path(name), None, None, None), Path(name)
+    from mrmission.experiments.driven import save_map
+    from mrmission.experiments.random_maps import random_map
+
+    image = folder / "map.png"
+    save_map(random_map(0, int(name[4:])), image)
+    return read_area(image, METRES_PER_PX, (-80.0, 34.0), None), folder / "area.geojson"
+
+
+def run(case: dict[str, Any], judge: str | None) -> dict[str, Any]:
+    """Plan one case, return its figures."""
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch)
+        began = time.process_time()
+        area, scored = read_case(case["area"], folder)
+        frame = LocalFrame.of(area)
+        water = project_polygons(area.water_lonlat, frame)
+        x_min, y_min, x_max, y_max = water.bounds
+        columns = MAP_COLUMNS if case["area"].startswith("map:") else COLUMNS
+        swath = max(x_max - x_min, y_max - y_min) / columns
+        point = parts_by_size(navigable_region(water, 0.0))[0].representative_point()
+        start = tuple(np.round(frame.to_lonlat(np.array([[point.x, point.y]]))[0], 7).tolist())
+        options = PlanOptions(
+            robots=case["k"], swath_m=swath, overlap=0.0, clearance_m=0.0, method=case["method"],
+            starts_lonlat=(start,), fence=False, separation_m=0.0, limits=VehicleLimits(mission_items=20_000), seed=case["seed"],
+            time_budget_s=case["budget"],
+        )  # fmt: skip
+        try:
+            fleet = plan(area, options)
+        except MrMissionError as error:
+            return {**case, "error": f"{type(error).__name__}: {error}"}
+        report = fleet.report
+        row = {
+            **case,
+            "cpu_s": time.process_time() - began,
+            "makespan_s": report.makespan_s,
+            "any_gap": report.gap,
+            "lanes_gap": report.lanes_gap,
+            "any_bound": report.lower_bound_name,
+            "lanes_bound": report.lanes_bound_name,
+            "utilization": report.utilization,
+            "lanes": sum(r.lanes for r in report.robots),
+            "mean_s": float(np.mean([r.duration_s for r in report.robots])),
+            "longest_m": max(r.length_m for r in report.robots),
+        }
+        if judge:
+            write_results(fleet, folder / "out", overwrite=True)
+            if case["area"].startswith("map:"):
+                scored = folder / "out" / "area.geojson"
+            command = [
+                sys.executable, judge, str(scored),
+                *map(str, sorted((folder / "out").glob("*.plan"))),
+                "--swath", repr(swath), "--clearance", "0.0",
+                f"--start={start[0]},{start[1]}", "--json",
+            ]  # fmt: skip
+            done = subprocess.run(command, capture_output=True, text=True, check=False)
+            row["score"] = json.loads(done.stdout) if done.returncode == 0 else done.stderr[-300:]
+        return row
+
+
+def _median_of_seeds(rows: list[dict[str, Any]], key: str) -> dict[str, float]:
+    """Return the median over seeds of a figure, by area."""
+    by_area: dict[str, list[float]] = {}
+    for row in rows:
+        if row.get(key) is not None:
+            by_area.setdefault(row["area"], []).append(row[key])
+    return {area: float(np.median(values)) for area, values in by_area.items()}
+
+
+def table(rows: list[dict[str, Any]]) -> str:
+    """Return gaps of the lane planner by k, and ratios of makespans by method, as Markdown."""
+    rows = [r for r in rows if "error" not in r]
+    robots = sorted({r["k"] for r in rows})
+    lines = []
+    for title, maps in (("Areas", False), ("Random maps", True)):
+        mine = [r for r in rows if r["area"].startswith("map:") == maps]
+        ours = [r for r in mine if r["method"] == "minmax"]
+        if not ours:
+            continue
+        areas, seeds = len({r["area"] for r in ours}), len({r["seed"] for r in ours})
+        lines += [
+            f"{title}: {areas}, seeds: {seeds}, plans: {len(ours)}",
+            "",
+            (
+                "| k | gap to these lanes' bound, mean % | median | worst | gap to any plan's "
+                "bound, mean % | least utilization | CPU, mean s | CPU, worst s |"
+            ),
+            "| ---: |" + " ---: |" * 7,
+        ]
+        for k in robots:
+            of_k = [r for r in ours if r["k"] == k]
+            if not of_k:
+                continue
+            gaps = 100 * np.array(list(_median_of_seeds(of_k, "lanes_gap").values()))
+            free = 100 * np.array(list(_median_of_seeds(of_k, "any_gap").values()))
+            cpu = np.array([r["cpu_s"] for r in of_k])
+            lines.append(
+                f"| {k} | {gaps.mean():.1f} | {np.median(gaps):.1f} | {gaps.max():.1f} "
+                f"| {free.mean():.1f} | {min(r['utilization'] for r in of_k):.0%} "
+                f"| {cpu.mean():.1f} | {cpu.max():.1f} |"
+            )
+        others = [m for m in METHODS if m != "minmax" and any(r["method"] == m for r in mine)]
+        if others:
+            lines += [
+                "",
+                "Makespan over that of minmax, geometric mean (worst for us, best for us):",
+                "",
+                "| k | " + " | ".join(others) + " |",
+                "| ---: |" + " ---: |" * len(others),
+            ]
+        for k in robots if others else ():
+            best = _median_of_seeds([r for r in ours if r["k"] == k], "makespan_s")
+            cells = []
+            for method in others:
+                theirs = {
+                    r["area"]: r["makespan_s"]
+                    for r in mine
+                    if r["k"] == k and r["method"] == method
+                }
+                ratio = [theirs[a] / best[a] for a in sorted(theirs) if a in best]
+                mean = float(np.exp(np.mean(np.log(ratio)))) if ratio else float("nan")
+                cells.append(f"{mean:.2f} ({min(ratio):.2f}-{max(ratio):.2f})" if ratio else "")
+            lines.append(f"| {k} | " + " | ".join(cells) + " |")
+        lines.append("")
+    scored = [r for r in rows if isinstance(r.get("score"), dict)]
+    if scored:
+        wrong = max(abs(r["score"]["longest_m"] / r["longest_m"] - 1) for r in scored)
+        lines += [
+            (
+                f"{len(scored)} plans scored: least coverage "
+                f"{min(r['score']['coverage'] for r in scored):.6f}, most outside "
+                f"{max(r['score']['outside_m'] for r in scored):.2f} m, longest tour against the "
+                f"report's within {100 * wrong:.4f} %."
+            ),
+        ]
+    return "\n".join(lines) + "\n"
+
+
+def main() -> None:
+    """Run the cases that are not in the file yet, or print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("areas", nargs="*")
+    parser.add_argument("--random-maps", type=int, default=0)
+    parser.add_argument("--judge")
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--k", type=int, action="append")
+    parser.add_argument("--method", action="append")
+    parser.add_argument("--seed", type=int, action="append")
+    parser.add_argument("--budget", type=float, default=3.0)
+    parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--table", action="store_true")
+    args = parser.parse_args()
+    done = []
+    if args.out.exists():
+        done = [json.loads(line) for line in args.out.read_text().splitlines()]
+    if args.table:
+        sys.stdout.write(table(done))
+        return
+    seen = {tuple(row[key] for key in KEYS) for row in done}
+    areas = args.areas + [f"map:{i}" for i in range(args.random_maps)]
+    todo = [
+        {"area": area, "k": k, "method": method, "seed": seed, "budget": args.budget}
+        for seed in args.seed or [0]
+        for method in args.method or ["minmax"]
+        for area in areas
+        for k in args.k or [2, 4, 8, 16, 32]
+    ]
+    todo = [case for case in todo if tuple(case[key] for key in KEYS) not in seen]
+    with ProcessPoolExecutor(args.workers) as pool, args.out.open("a") as stream:
+        futures = [pool.submit(run, case, args.judge) for case in todo]
+        for case, future in zip(todo, futures, strict=True):
+            try:
+                row = future.result()
+            except Exception as error:  # a bug in one case must not end the study
+                row = {**case, "error": f"BUG {error!r}"}
+            stream.write(json.dumps(row) + "\n")
+            stream.flush()
+
+
+if __name__ == "__main__":
+    main()
