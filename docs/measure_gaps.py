@@ -7,8 +7,8 @@ Areas are planned at a swath of the longest side of their bounding box over 150,
 clearance 0, from the middle of the largest part; random maps are those of
 `mrmission experiments paper`, at 10 m per pixel. CPU time is that of reading, planning and
 exporting one area in a process that has planned before; without fences. Boats are not kept apart
-(`--separation 0`) and hold any number of items, so that the makespan is that of the tours. One JSON line per plan; resumable:
-what is in the file already is not planned again.
+(`--separation 0`) and hold any number of items, so that the makespan is that of the tours. One JSON
+line per plan; resumable: what is in the file already is not planned again.
 """
 
 from __future__ import annotations
@@ -67,8 +67,8 @@ def run(case: dict[str, Any], judge: str | None) -> dict[str, Any]:
         start = tuple(np.round(frame.to_lonlat(np.array([[point.x, point.y]]))[0], 7).tolist())
         options = PlanOptions(
             robots=case["k"], swath_m=swath, overlap=0.0, clearance_m=0.0, method=case["method"],
-            starts_lonlat=(start,), fence=False, separation_m=0.0, limits=VehicleLimits(mission_items=20_000), seed=case["seed"],
-            time_budget_s=case["budget"],
+            starts_lonlat=(start,), fence=False, separation_m=0.0, seed=case["seed"],
+            limits=VehicleLimits(mission_items=20_000), time_budget_s=case["budget"],
         )  # fmt: skip
         try:
             fleet = plan(area, options)
