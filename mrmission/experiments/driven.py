@@ -16,6 +16,8 @@ from mrmission.options import PlanOptions
 
 ORIGIN_LONLAT = (10.0, 50.0)
 """Where the lower left corner of every map is laid."""
+ALONG_COLUMNS_DEG = 0.0
+"""Lanes run along the columns of the map, as the paper's do."""
 
 
 def save_map(free: BoolArray, path: Path) -> None:
@@ -93,5 +95,6 @@ def _plan(job: Job) -> FleetPlan:
         swath_m=job["swath_m"],
         clearance_m=job["clearance_m"],
         time_budget_s=job["time_budget_s"],
+        angle_deg=ALONG_COLUMNS_DEG,
     )
     return plan(water_of(job["source"], job["metres_per_px"]), options)

@@ -85,6 +85,18 @@ def lane_plans(job: Job) -> Result:
     return {"strips": len(strips.area), "rows": rows, "free_px": world.free_px}
 
 
+def least_costs(job: Job) -> Result:
+    """Return what no sharing of a map's strips can be below: per k a bound on the maximum cost.
+
+    All strips are swept by somebody, and each by a tour that goes there and back.
+    """
+    free = map_of(job)
+    strips = strips_of(free, paper_world(free))
+    trips = strips.home_cost.reshape(-1, 2).sum(axis=1) + strips.area
+    total = float(strips.area.sum())
+    return {"bounds": [max(total / robots, float(trips.max())) for robots in job["robots"]]}
+
+
 def stage_times(job: Job) -> Result:
     """Measure the run time of each stage on a random map with about ``obstacles`` obstacles.
 

@@ -26,7 +26,13 @@ from mrmission.experiments.regions import (
     owners_of_plan,
     regions_geojson,
 )
-from mrmission.experiments.steps import LANES_BUDGET_S, lane_plans, paper_plans, stage_times
+from mrmission.experiments.steps import (
+    LANES_BUDGET_S,
+    lane_plans,
+    least_costs,
+    paper_plans,
+    stage_times,
+)
 from mrmission.experiments.tables import ROBOTS, Table
 from mrmission.experiments.world import paper_world
 from mrmission.mission.files import write_whole
@@ -195,6 +201,11 @@ class Study:
                 for i in range(effort.lane_maps)
             ],
         )
+        bounds = self._jobs(
+            "random maps, bounds",
+            least_costs,
+            [{"seed": seed, "number": i, "robots": list(ROBOTS)} for i in range(effort.lane_maps)],
+        )
         self._table("table-1", tables.table_1(maps))
 
         def sheet() -> Figure:
@@ -203,7 +214,7 @@ class Study:
             return map_sheet([random_map(seed, i) for i in range(min(SHEET, effort.maps))])
 
         self._figure("random-maps", sheet)
-        self._table("table-2", compare.table_2(maps, lanes))
+        self._table("table-2", compare.table_2(maps, lanes, bounds))
         self._table("table-2-fresh", compare.table_2_fresh(maps, fresh))
         self._write("table-2-readings.csv", compare.all_scores(maps).csv())
         curves = compare.figure_4_rows(maps, lanes)

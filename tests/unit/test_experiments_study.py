@@ -18,6 +18,7 @@ from mrmission.experiments.lanes import lane_tours, strips_of
 from mrmission.experiments.random_maps import random_map
 from mrmission.experiments.readings import DEFAULTS, Planner, reading_of
 from mrmission.experiments.regions import owners_of_lanes, owners_of_plan, regions_geojson
+from mrmission.experiments.steps import least_costs
 from mrmission.experiments.study import Effort, Study, StudyOptions
 from mrmission.experiments.world import paper_world
 
@@ -68,6 +69,8 @@ def test_strips_hold_every_pixel_once_and_lanes_cost_what_they_say() -> None:
         expected = strips.area[entries >> 1].sum() + strips.home_cost[[entries[0], exits[-1]]].sum()
         expected += strips.end_cost[exits[:-1], entries[1:]].sum()
         assert cost == pytest.approx(expected)
+    (bound,) = least_costs({"seed": 1, "number": 3, "robots": [3]})["bounds"]
+    assert FREE.sum() / 3 <= bound <= tours.cost.max()
     owners = owners_of_lanes(FREE, WORLD, strips, tours)
     for robot, entries in enumerate(tours.entries, start=1):
         assert (owners == robot).sum() == strips.area[entries >> 1].sum()
@@ -140,7 +143,7 @@ def test_the_study_writes_everything_and_goes_on_where_it_stopped(
     # drawn once is enough: all that is left to do again is to write the tables
     monkeypatch.setattr(figures, "render", lambda _: {})
     before = {p.name: p.read_bytes() for p in folder.iterdir() if p.is_file()}
-    for work in ("paper_plans", "lane_plans", "plan_in_seconds", "stage_times"):
+    for work in ("paper_plans", "lane_plans", "least_costs", "plan_in_seconds", "stage_times"):
         forbidden = type(never)(never.__code__, globals(), work)
         monkeypatch.setattr(study_module, work, forbidden)
     Study(small).run()
