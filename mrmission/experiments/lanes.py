@@ -41,6 +41,19 @@ class Strips:
     home_cost: FloatArray
 
 
+def strip_slices(world: PaperWorld) -> tuple[tuple[IntArray, ...], IntArray]:
+    """Return the slices of each strip that a map's cells are cut into, and the cell of each."""
+    done = world.decomposition
+    width = max(1, -(-len(done.slices) // MOST_STRIPS))
+    groups: list[IntArray] = []
+    cell: list[int] = []
+    for i, (a, b) in enumerate(zip(done.cells.offsets[:-1], done.cells.offsets[1:], strict=True)):
+        index = done.cells.slice_index[a:b]
+        groups.extend(index[at : at + width] for at in range(0, len(index), width))
+        cell.extend([i] * (len(groups) - len(cell)))
+    return tuple(groups), np.array(cell, dtype=np.int64)
+
+
 def strips_of(free: BoolArray, world: PaperWorld, start_node: int = 0) -> Strips:
     """Cut a map's cells into strips and measure the ways between them.
 
@@ -51,13 +64,7 @@ def strips_of(free: BoolArray, world: PaperWorld, start_node: int = 0) -> Strips
     """
     done = world.decomposition
     low, high = done.slices.row_start, done.slices.row_stop
-    width = max(1, -(-len(done.slices) // MOST_STRIPS))
-    groups: list[IntArray] = []
-    cell: list[int] = []
-    for i, (a, b) in enumerate(zip(done.cells.offsets[:-1], done.cells.offsets[1:], strict=True)):
-        index = done.cells.slice_index[a:b]
-        groups.extend(index[at : at + width] for at in range(0, len(index), width))
-        cell.extend([i] * (len(groups) - len(cell)))
+    groups, cell = strip_slices(world)
     middle = np.array([group[len(group) // 2] for group in groups])
     x = done.slices.column[middle] + 0.5
     ends = np.stack(
@@ -69,8 +76,8 @@ def strips_of(free: BoolArray, world: PaperWorld, start_node: int = 0) -> Strips
     ways = np.maximum(0.0, router.distance_matrix(ends) - half[:, None] - half[None, :])
     return Strips(
         area=np.array([float((high[g] - low[g]).sum()) for g in groups]),
-        cell=np.array(cell, dtype=np.int64),
-        slices=tuple(groups),
+        cell=cell,
+        slices=groups,
         end_cost=ways,
         home_cost=router.distances(home, ends)[0],
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -10,10 +11,9 @@ import shapely
 
 from mrmission.area.image import pixel_polygons
 from mrmission.decomposition.cells import split_cell
-from mrmission.experiments.lanes import Strips
+from mrmission.experiments.lanes import strip_slices
 from mrmission.experiments.readings import ClusterReading, PaperPlan, Reading
 from mrmission.experiments.world import PaperWorld
-from mrmission.minmax.search import LaneTours
 from mrmission.model import BoolArray
 
 OBSTACLE, NOBODY = -1, 0
@@ -38,13 +38,15 @@ def owners_of_plan(free: BoolArray, world: PaperWorld, reading: Reading, plan: P
     return out
 
 
-def owners_of_lanes(free: BoolArray, world: PaperWorld, strips: Strips, tours: LaneTours) -> Owners:
-    """Return who sweeps what under the lane planner."""
+def owners_of_lanes(
+    free: BoolArray, world: PaperWorld, entries_of: Sequence[Sequence[int]]
+) -> Owners:
+    """Return who sweeps what under the lane planner, given where each robot enters its strips."""
     out = _empty(free)
-    slices = world.decomposition.slices
-    for robot, entries in enumerate(tours.entries, start=1):
-        for strip in (entries >> 1).tolist():
-            for s in strips.slices[strip].tolist():
+    slices, (groups, _) = world.decomposition.slices, strip_slices(world)
+    for robot, entries in enumerate(entries_of, start=1):
+        for entry in entries:
+            for s in groups[entry >> 1].tolist():
                 out[slices.column[s], slices.row_start[s] : slices.row_stop[s]] = robot
     return out
 

@@ -74,15 +74,21 @@ def paper_plans(job: Job) -> Result:
 
 
 def lane_plans(job: Job) -> Result:
-    """Plan one map with the lane planner: per k the maximum cost and the robots with work."""
+    """Plan one map with the lane planner: per k the maximum cost and the robots with work.
+
+    With ``drawn``, also the tours for that many robots: the ends at which strips are entered.
+    """
     free = map_of(job)
     world = paper_world(free)
     strips = strips_of(free, world)
     rows = []
+    drawn: list[list[int]] = []
     for robots in job["robots"]:
         tours = lane_tours(strips, robots, job["time_budget_s"], job["search_seed"])
         rows.append([float(tours.cost.max()), sum(len(entries) > 0 for entries in tours.entries)])
-    return {"strips": len(strips.area), "rows": rows, "free_px": world.free_px}
+        if robots == job.get("drawn"):
+            drawn = [entries.tolist() for entries in tours.entries]
+    return {"strips": len(strips.area), "rows": rows, "free_px": world.free_px, "drawn": drawn}
 
 
 def least_costs(job: Job) -> Result:

@@ -17,7 +17,6 @@ from mrmission.experiments import tables
 from mrmission.experiments.driven import drive_plan, plan_in_seconds, save_map
 from mrmission.experiments.environments import Environment, environments, free_pixels
 from mrmission.experiments.jobs import Job, Result, Work, run_jobs
-from mrmission.experiments.lanes import lane_tours, strips_of
 from mrmission.experiments.random_maps import random_map
 from mrmission.experiments.readings import DEFAULTS, Planner, name_of
 from mrmission.experiments.regions import (
@@ -62,7 +61,7 @@ class Effort:
     lane_budget_s: float = LANES_BUDGET_S
     environment_budget_s: float = 1.0
     environments: int = 4
-    seconds_robots: tuple[int, ...] = (4, 16)
+    seconds_robots: tuple[int, ...] = (8,)
     seconds_budget_s: float = 1.0
     driven: tuple[str, ...] = ("crc", "cac", "minmax")
     metres_per_px: float = 0.5
@@ -250,6 +249,7 @@ class Study:
                     "robots": list(ROBOTS),
                     "time_budget_s": effort.environment_budget_s,
                     "search_seed": self.options.seed,
+                    "drawn": FIGURE_5_ROBOTS,
                 }
                 for e in self._found
             ],
@@ -264,10 +264,10 @@ class Study:
             self._table("published", compare.published_table(pairs))
         self._table("balance", compare.balance_table(found))
         self._figure_6(found)
-        for environment in self._found:
-            self._figure_5(environment)
+        for environment, _, ours in found:
+            self._figure_5(environment, ours)
 
-    def _figure_5(self, environment: Environment) -> None:
+    def _figure_5(self, environment: Environment, lanes: Result) -> None:
         free = free_pixels(environment.source)
         if environment.source.startswith("own:"):
             path = self.folder / "maps" / f"{environment.name}.png"
@@ -285,16 +285,9 @@ class Study:
                         owners_of_plan(free, world, reading, plan),
                     )
                 )
-        strips = strips_of(free, world)
-        tours = lane_tours(
-            strips, FIGURE_5_ROBOTS, self.options.effort.environment_budget_s, self.options.seed
-        )
-        panels.append(
-            (
-                f"{compare.OURS}, maximum {tours.cost.max():,.0f}",
-                owners_of_lanes(free, world, strips, tours),
-            )
-        )
+        cost = lanes["rows"][ROBOTS.index(FIGURE_5_ROBOTS)][0]
+        owners = owners_of_lanes(free, world, lanes["drawn"])
+        panels.append((f"{compare.OURS}, maximum {cost:,.0f}", owners))
         for title, owners in panels:
             planner_name = title.split(",")[0].lower()
             name = f"{environment.name}-{planner_name}-{FIGURE_5_ROBOTS}"

@@ -71,7 +71,7 @@ def test_strips_hold_every_pixel_once_and_lanes_cost_what_they_say() -> None:
         assert cost == pytest.approx(expected)
     (bound,) = least_costs({"seed": 1, "number": 3, "robots": [3]})["bounds"]
     assert FREE.sum() / 3 <= bound <= tours.cost.max()
-    owners = owners_of_lanes(FREE, WORLD, strips, tours)
+    owners = owners_of_lanes(FREE, WORLD, [e.tolist() for e in tours.entries])
     for robot, entries in enumerate(tours.entries, start=1):
         assert (owners == robot).sum() == strips.area[entries >> 1].sum()
 
