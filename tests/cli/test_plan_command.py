@@ -188,9 +188,13 @@ def test_out_that_cannot_be_a_folder(lake: Path, capsys) -> None:
     assert Path("file").read_text() == "x"
 
 
-def test_more_items_than_a_vehicle_holds_warns_and_is_done(lake: Path, capsys) -> None:
+def test_more_items_than_a_vehicle_holds_are_trips(lake: Path, capsys) -> None:
     assert plan(lake, "--max-items", "10", "--out", "out") == 0
-    assert "a vehicle holds 10" in capsys.readouterr().err
+    assert "trips in all" in capsys.readouterr().err
+    trips = sorted(Path("out").glob("robot-*-sortie-*.plan"))
+    assert len(trips) > 1
+    for trip in trips:
+        assert len(json.loads(trip.read_text())["mission"]["items"]) < 10  # and home
 
 
 def test_what_was_not_given_is_in_the_report_as_assumed(lake: Path) -> None:

@@ -73,7 +73,8 @@ def assert_holds(result: FleetPlan, options: PlanOptions) -> None:
     assert report.coverage == pytest.approx(seen.coverage, abs=3e-4)
     assert report.coverage_survey_legs <= report.coverage + 1e-12
     assert report.makespan_s >= report.lower_bound_s
-    assert report.makespan_s == max(row.duration_s for row in report.robots)
+    ends_s = [row.duration_s + row.start_delay_s for row in report.robots if row.lanes]
+    assert report.makespan_s == max(ends_s)
     assert report.lane_spacing_m <= swath_m * (1 - options.overlap) + 1e-9
     assert report.lane_spacing_m <= swath_m - 0.02
 
@@ -119,7 +120,7 @@ def test_same_input_same_bytes(tmp_path: Path) -> None:
             write_results(plan(area, options), folder, overwrite=False)
         first, second = ({p.name: p.read_bytes() for p in f.iterdir()} for f in folders)
         assert first == second
-        assert len(first) == 4 + 2 * options.robots
+        assert len(first) == 5 + 2 * options.robots
 
 
 def test_report_is_finite_json(tmp_path: Path) -> None:

@@ -90,7 +90,7 @@ def test_a_perfect_voyage_sweeps_what_was_planned_without_any_offset(plan) -> No
         assert row.driven_m == pytest.approx(report.length_m, rel=1e-3)
         assert row.coverage == pytest.approx(1.0, abs=2e-3)
         assert row.fence_room_m > 0
-        assert row.lanes == report.lanes
+        assert row.lanes >= report.lanes  # a lane that was cut is swept in several runs
 
 
 def test_a_voyage_beside_its_lanes_has_the_offset_it_was_given(plan) -> None:
