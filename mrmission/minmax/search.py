@@ -160,10 +160,34 @@ def _book(  # type: ignore[no-untyped-def]
     place_of,
     swept,
     gone,
+    was,
+    was_size,
+    hop,
 ):
-    """Write down, from place `start` of tour `r` on, where its lines are, and the sums so far."""
-    for i in range(start, sizes[r]):
+    """Write down, from place `start` of tour `r` on, where its lines are, and the sums so far.
+
+    `was` and `hop` hold the tour as it was booked last and the ways between its lines: what follows
+    the last change keeps its ways, which are dear to find where no matrix is kept.
+    """
+    n, shift = sizes[r], was_size[r] - sizes[r]
+    tail = n
+    while (
+        tail > start
+        and tail - 1 + shift >= start
+        and routes[r, tail - 1] == was[r, tail - 1 + shift]
+    ):
+        tail -= 1
+    if shift > 0:
+        for i in range(tail + 1, n):
+            hop[r, i] = hop[r, i + shift]
+    elif shift < 0:
+        for i in range(n - 1, tail, -1):
+            hop[r, i] = hop[r, i + shift]
+    for i in range(max(1, start), min(tail + 1, n)):
+        hop[r, i] = _way(ends, arrays, second_s, price, routes[r, i - 1] ^ 1, routes[r, i])
+    for i in range(start, n):
         e = routes[r, i]
+        was[r, i] = e
         route_of[e >> 1] = r
         place_of[e >> 1] = i
         if i == 0:
@@ -171,9 +195,8 @@ def _book(  # type: ignore[no-untyped-def]
             gone[r, 0] = 0.0
         else:
             swept[r, i] = swept[r, i - 1] + lane[e >> 1]
-            gone[r, i] = gone[r, i - 1] + _way(
-                ends, arrays, second_s, price, routes[r, i - 1] ^ 1, e
-            )
+            gone[r, i] = gone[r, i - 1] + hop[r, i]
+    was_size[r] = n
 
 
 @njit(cache=True, error_model="numpy")
@@ -199,6 +222,9 @@ def _anneal(  # type: ignore[no-untyped-def]
     place_of = np.zeros(lanes, np.int32)
     swept = np.zeros((robots, lanes))  # cost of sweeping from the first line to each, unscaled
     gone = np.zeros((robots, lanes))  # cost of the ways between them, without the way from home
+    was = np.zeros((robots, lanes), np.int32)
+    was_size = np.zeros(robots, np.int64)
+    hop = np.zeros((robots, lanes))
     for r in range(robots):
         _book(
             r,
@@ -214,6 +240,9 @@ def _anneal(  # type: ignore[no-untyped-def]
             place_of,
             swept,
             gone,
+            was,
+            was_size,
+            hop,
         )
     best = routes.copy()
     best_sizes = sizes.copy()
@@ -575,6 +604,9 @@ def _anneal(  # type: ignore[no-untyped-def]
                 place_of,
                 swept,
                 gone,
+                was,
+                was_size,
+                hop,
             )
             n = sizes[r]
             cost[r] = (
