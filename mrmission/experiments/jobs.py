@@ -9,6 +9,9 @@ from __future__ import annotations
 import hashlib
 import json
 import multiprocessing
+import os
+import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
@@ -24,6 +27,7 @@ Result = dict[str, Any]
 Work = Callable[[Job], Result]
 
 CONNECT_S = 10
+PARENT_CHECK_S = 2
 FORMAT = 1
 """Part of every file name: raised when results remembered before would be wrong now."""
 
@@ -102,7 +106,12 @@ def _finished(
     else:
         # spawned, not forked: a child shares no threads and no state with this process
         context = multiprocessing.get_context("spawn")
-        with ProcessPoolExecutor(min(processes, len(todo)), mp_context=context) as pool:
+        with ProcessPoolExecutor(
+            min(processes, len(todo)),
+            mp_context=context,
+            initializer=_leave_with,
+            initargs=(os.getpid(),),
+        ) as pool:
             waiting = {pool.submit(work, jobs[i]): i for i in todo}
             try:
                 for future in as_completed(waiting):
@@ -110,6 +119,17 @@ def _finished(
             except BaseException:
                 pool.shutdown(wait=False, cancel_futures=True)
                 raise
+
+
+def _leave_with(parent: int) -> None:
+    """End this process when the one that started it is gone, killed and unable to say so."""
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(PARENT_CHECK_S)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 def _on_dask(
