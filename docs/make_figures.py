@@ -503,7 +503,7 @@ def fence_figure() -> None:
 def demo_plan_figure() -> None:
     """Draw the plan of six boats, as `mrmission plan --figure` does."""
     target = OUT / "demo-plan.png"
-    save_figure(planned("auto"), target, dpi=140, overwrite=True)
+    save_figure(planned("minmax"), target, dpi=140, overwrite=True)
     shrink(target)
 
 
