@@ -40,12 +40,17 @@ class BuiltMission:
 
 
 def export_route(path: CoveragePath, frame: LocalFrame, tolerance_m: float) -> Route:
-    """Merge collinear points, subdivide long legs, round to 1e-7 degrees."""
+    """Merge collinear points, subdivide long legs, round to 1e-7 degrees.
+
+    A coordinate of exactly 0, on the equator or at Greenwich, becomes 1e-7 degrees (1 cm): in
+    mission items 0 also stands for "not given", and programs that read them take it so.
+    """
     points, kind, lane = merge_collinear(path.points_m, path.kind, path.lane, MERGE_TOLERANCE_M)
     if len(points) > 1:
         points, source = subdivide_legs(points, frame, tolerance_m)
         kind, lane = kind[source], lane[source]
     lonlat = np.round(frame.to_lonlat(points) * 1e7) / 1e7
+    lonlat[lonlat == 0.0] = 1e-7
     return Route(
         lonlat=lonlat,
         path=CoveragePath(
