@@ -47,6 +47,7 @@ def plan_in_seconds(job: Job) -> Result:
     return {
         "makespan_s": report.makespan_s,
         "lower_bound_s": report.lower_bound_s,
+        "lanes_bound_s": report.lanes_bound_s,
         "utilization": report.utilization,
         "total_s": sum(robot.duration_s for robot in report.robots),
     }

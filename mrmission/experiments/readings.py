@@ -216,6 +216,11 @@ class Planner:
         self._cluster_costs: dict[tuple[str, bytes], float] = {}
         self._neighbours = {name: neighbours_of(p) for name, p in self._problems.items()}
 
+    def forget(self) -> None:
+        """Forget the clusters found so far, so that the next plan takes its full time."""
+        self._grown.clear()
+        self._cluster_costs.clear()
+
     def tour_cost(self, doubled: Doubled = "halves") -> float:
         """Return c(R), the cost of the single-robot tour."""
         return float(self._steps[doubled].sum())

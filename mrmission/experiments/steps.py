@@ -13,7 +13,7 @@ from mrmission.experiments.environments import free_pixels
 from mrmission.experiments.jobs import Job, Result
 from mrmission.experiments.lanes import lane_tours, strips_of
 from mrmission.experiments.random_maps import RandomMapOptions, random_map
-from mrmission.experiments.readings import Planner, all_readings, name_of, reading_of
+from mrmission.experiments.readings import Planner, Reading, all_readings, name_of, reading_of
 from mrmission.experiments.world import PaperWorld, paper_world
 from mrmission.model import BoolArray
 
@@ -124,7 +124,7 @@ def stage_times(job: Job) -> Result:
     stages: dict[str, Callable[[], Any]] = {
         "decomposition": partial(_decompose, free),
         "ECC": world.problem.ecc,
-        **{name: partial(planner.plan, reading, robots) for name, reading in defaults.items()},
+        **{name: partial(_plan_anew, planner, r, robots) for name, r in defaults.items()},
     }
     times = {}
     for name, stage in stages.items():
@@ -147,6 +147,11 @@ def stage_times(job: Job) -> Result:
         "strips": len(strips.area),
         "seconds": times,
     }
+
+
+def _plan_anew(planner: Planner, reading: Reading, robots: int) -> None:
+    planner.forget()
+    planner.plan(reading, robots)
 
 
 def _decompose(free: BoolArray) -> None:

@@ -65,7 +65,7 @@ class Effort:
     seconds_budget_s: float = 1.0
     driven: tuple[str, ...] = ("crc", "cac", "minmax")
     metres_per_px: float = 0.5
-    obstacles: tuple[int, ...] = (8, 16, 32, 64, 128)
+    obstacles: tuple[int, ...] = (8, 32, 128, 512)
 
 
 QUICK = Effort(
