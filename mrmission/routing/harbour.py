@@ -139,19 +139,21 @@ class Harbour:
         if plain:
             homes = self.berths_m[[robots[i] for i in plain]]
             out.update(zip(plain, self.paths(homes, targets_m[plain]), strict=True))
-        for i, robot in enumerate(robots):
-            if i in out:
-                continue
-            home, target = self.berths_m[robot], targets_m[i]
-            if np.hypot(*(target - home)) <= self.radius_m[robot]:
-                out[i] = np.array([home, target])
+        for robot in sorted(set(robots)):
+            home = self.berths_m[robot]
+            mine = [i for i, r in enumerate(robots) if r == robot and i not in out]
+            within = np.hypot(*(targets_m[mine] - home).T) <= self.radius_m[robot]
+            out.update(
+                (mine[j], np.array([home, targets_m[mine[j]]])) for j in np.flatnonzero(within)
+            )
+            beyond = [mine[j] for j in np.flatnonzero(~within)]
+            if not beyond:
                 continue
             exits = self._disc_corners(robot)
-            way = self.distances(exits, target[None])[:, 0]
-            way = way + np.hypot(*(exits - home).T)
-            exit_point = exits[int(np.argmin(way))]
-            path = self.paths(exit_point[None], target[None])[0]
-            out[i] = self._leave_straight(robot, home, path)
+            way = self.distances(exits, targets_m[beyond]) + np.hypot(*(exits - home).T)[:, None]
+            paths = self.paths(exits[np.argmin(way, axis=0)], targets_m[beyond])
+            for i, path in zip(beyond, paths, strict=True):
+                out[i] = self._leave_straight(robot, home, path)
         return [out[i] for i in range(len(robots))]
 
     def _leave_straight(self, robot: int, home: FloatArray, path: FloatArray) -> FloatArray:
