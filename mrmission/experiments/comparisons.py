@@ -444,7 +444,7 @@ def complexity_table(results: Sequence[Result]) -> Table:
             )
         )
     return Table(
-        title="Run time of each stage, ms",
+        title="Run time of each stage, processor ms",
         header=(
             "stage", "order", "n", "measured exponent",
             *(f"{e:,.0f} edges, {p:,.0f} px" for e, p in zip(edges, pixels, strict=True)),

@@ -106,7 +106,8 @@ def least_costs(job: Job) -> Result:
 def stage_times(job: Job) -> Result:
     """Measure the run time of each stage on a random map with about ``obstacles`` obstacles.
 
-    ``n`` is the number of pixels, ``edges`` that of cells. Times are the best of ``repeats``.
+    ``n`` is the number of pixels, ``edges`` that of cells. Times are processor seconds, the best of
+    ``repeats``: other work on the machine does not count.
     """
     side = max(9, round((job["obstacles"] * 20) ** 0.5))
     options = RandomMapOptions(
@@ -130,16 +131,16 @@ def stage_times(job: Job) -> Result:
     for name, stage in stages.items():
         best = np.inf
         for _ in range(repeats):
-            begin = time.perf_counter()
+            begin = time.process_time()
             stage()
-            best = min(best, time.perf_counter() - begin)
+            best = min(best, time.process_time() - begin)
         times[name] = best
-    begin = time.perf_counter()
+    begin = time.process_time()
     strips = strips_of(free, world)
-    times["strips and ways"] = time.perf_counter() - begin
-    begin = time.perf_counter()
+    times["strips and ways"] = time.process_time() - begin
+    begin = time.process_time()
     lane_tours(strips, robots, job["time_budget_s"], 0)
-    times["minmax"] = time.perf_counter() - begin
+    times["minmax"] = time.process_time() - begin
     return {
         "graph": graph_figures(world),
         "pixels": int(free.size),
