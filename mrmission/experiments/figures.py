@@ -20,6 +20,7 @@ MARKS = {"CRC": "o-", "CAC": "s-", "NRC": "^-", "FHK": "v-", "minmax": "D-"}
 COLOURS = {
     "CRC": "#005ab4", "CAC": "#c34b00", "NRC": "#787878", "FHK": "#8c3ca5", "minmax": "#007846",
 }  # fmt: skip
+OTHER_COLOURS = ("#000000", "#b48c00", "#009696", "#c832a0")
 FORMATS = ("svg", "png")
 DPI = 150
 _STYLE = {
@@ -163,7 +164,7 @@ def run_times(results: Sequence[Mapping[str, Any]], stages: Sequence[str]) -> Fi
             edges,
             [1000 * found["seconds"][stage] for found in results],
             "o-",
-            color=COLOURS.get(stage, ("#000000", "#b48c00", "#009696")[i % 3]),
+            color=COLOURS.get(stage, OTHER_COLOURS[i % len(OTHER_COLOURS)]),
             markersize=3,
             linewidth=1,
             label=stage,
@@ -178,7 +179,7 @@ def run_times(results: Sequence[Mapping[str, Any]], stages: Sequence[str]) -> Fi
     axis.set_xscale("log")
     axis.set_yscale("log")
     axis.set_xlabel("cells")
-    axis.set_ylabel("ms")
+    axis.set_ylabel("processor ms")
     axis.grid(linewidth=0.3)
     axis.legend(fontsize=6)
     return figure
