@@ -29,6 +29,9 @@ POLISH = tuple((250, 0.3 * 0.55**turn, 0.3) for turn in range(5))
 """Rounds of steps: how many, the first in parts of a typical leg, the last against the first."""
 MOST_STEPS = 50_000
 """Rounds of more lines have fewer steps: so many lines times steps."""
+MOST_LINES = 6000
+"""More lines are bounded by the work and the farthest line alone: a proof over all pairs of their
+ends takes longer than the plan."""
 TRIES = (2, 6)
 """How often a makespan is lowered until all legs prove it: between rounds, after the last."""
 FOLLOW = 3.0
@@ -217,6 +220,8 @@ def _bound(
     far = float((away[::2] + line + away[1::2]).max())
     if far > best:
         best, term = far, "farthest line"
+    if near is not None and len(line) > MOST_LINES:
+        return LanesBound(makespan_s=fixed_s + fastest * best * (1.0 - MARGIN), term=term)
     found = _search(task, _near(end_s), SHARES) if near is None else _search(task, near, MANY)
     if found.makespan > best:
         best = found.makespan

@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import numpy.typing as npt
 import shapely
 
-from mrmission.model import BoolArray, CoveragePath, IntArray, LegKind
+from mrmission.model import CoveragePath, IntArray, LegKind
 
+MOST_CORNERS = 40
+"""Pieces of a region have no more corners, where halving helps."""
 BESIDE = 1.25
 """Lanes no farther apart than so many spacings lie beside each other."""
 
@@ -76,19 +79,52 @@ def swept_regions(paths: Sequence[CoveragePath], spacing_m: float) -> list[shape
 
 def crossings_m(paths: Sequence[CoveragePath], spacing_m: float) -> tuple[float, ...]:
     """Return how much of each robot's transits lies in regions of others and not in its own, m."""
-    regions = swept_regions(paths, spacing_m)
-    tree = shapely.STRtree(regions)
+    # bits of few corners each: a region of a thousand lanes is slow to cut a leg with
+    bits_of = [_bits(region) for region in swept_regions(paths, spacing_m)]
+    owner = np.repeat(np.arange(len(paths)), [len(bits) for bits in bits_of])
+    bits = np.concatenate([np.zeros(0, dtype=object), *bits_of])
+    tree = shapely.STRtree(bits)
     out = []
     for own, path in enumerate(paths):
         legs = shapely.linestrings(transit_legs(path))
         leg, other = tree.query(legs, predicate="intersects")
-        mine: BoolArray = other == own
-        leg, other = leg[~mine], other[~mine]
+        foreign = owner[other] != own
+        inside = shapely.intersection(legs[leg[foreign]], bits[other[foreign]])
+        inside = inside[shapely.length(inside) > 0]
         # what its own lanes cover too is its own
-        outside = shapely.difference(legs[leg], regions[own])
-        inside = shapely.intersection(outside, np.array(regions, dtype=object)[other])
-        out.append(float(shapely.length(inside).sum()))
+        part, mine = tree.query(inside, predicate="intersects")
+        kept = owner[mine] == own
+        shared = shapely.intersection(inside[part[kept]], bits[mine[kept]])
+        out.append(max(0.0, float(shapely.length(inside).sum() - shapely.length(shared).sum())))
     return tuple(out)
+
+
+def _bits(region: shapely.Geometry) -> npt.NDArray[np.object_]:
+    """Return a region in pieces of few corners, halved across their longer side as need be."""
+    out: list[shapely.Geometry] = []
+    todo = [p for p in shapely.get_parts(region) if p.geom_type == "Polygon"]
+    while todo:
+        piece = todo.pop()
+        if shapely.get_num_coordinates(piece) <= MOST_CORNERS:
+            out.append(piece)
+            continue
+        x1, y1, x2, y2 = piece.bounds
+        if x2 - x1 >= y2 - y1:
+            middle = (x1 + x2) / 2
+            halves = (x1, y1, middle, y2), (middle, y1, x2, y2)
+        else:
+            middle = (y1 + y2) / 2
+            halves = (x1, y1, x2, middle), (x1, middle, x2, y2)
+        for half in halves:
+            cut = shapely.intersection(piece, shapely.box(*half))
+            parts = shapely.get_parts(cut)
+            if any(
+                shapely.get_num_coordinates(p) >= shapely.get_num_coordinates(piece) for p in parts
+            ):
+                out.append(cut)
+                continue
+            todo.extend(p for p in parts if p.geom_type == "Polygon")
+    return np.array(out, dtype=object)
 
 
 def transit_legs(path: CoveragePath) -> np.ndarray:

@@ -26,9 +26,8 @@ class BerthWater:
     def __init__(self, harbour: Harbour, berth: int) -> None:
         self.harbour = harbour
         self.berth = berth
-        self._own: shapely.Geometry | None = None
-        self._region = shapely.buffer(harbour.region, TOUCH_M, join_style="mitre")
-        shapely.prepare(self._region)
+        self._others: shapely.Geometry | None = None
+        self._region = harbour.rimmed(TOUCH_M)
 
     def clear(self, lines_m: FloatArray) -> BoolArray:
         """Return (n,) whether polylines (n, m, 2) stay in the water; repeated points are none."""
@@ -43,20 +42,20 @@ class BerthWater:
             home = shapely.Point(self.harbour.berths_m[self.berth])
             near = shapely.dwithin(legs, home, radius + TOUCH_M)
             free = np.zeros(len(legs), dtype=np.bool_)
-            free[near] = shapely.covers(self._own_water(), legs[near])
+            free[near] = shapely.covers(self._region, legs[near])
+            free[near] &= ~shapely.intersects(self._other_berths(), legs[near])
             seen[tuple(blocked[free].T)] = True
         # the router takes points within its snap for points of the shore
         inside = shapely.contains_xy(self._region, lines_m[..., 0], lines_m[..., 1])
         return np.asarray(seen.all(axis=1) & inside.all(axis=1))
 
-    def _own_water(self) -> shapely.Geometry:
-        """Return the region without the berths of the others."""
-        if self._own is None:
+    def _other_berths(self) -> shapely.Geometry:
+        """Return the discs around the berths of the others, less what touching takes."""
+        if self._others is None:
             berths = self.harbour.berths_m
             away = np.any(berths != berths[self.berth], axis=1)  # trips of one robot share one
             others = np.flatnonzero((self.harbour.radius_m > 0) & away)
             discs = [self.harbour.disc(int(i)) for i in others]
-            water = shapely.difference(self.harbour.region, shapely.union_all(discs))
-            self._own = shapely.buffer(water, TOUCH_M)
-            shapely.prepare(self._own)
-        return self._own
+            self._others = shapely.buffer(shapely.union_all(discs), -TOUCH_M)
+            shapely.prepare(self._others)
+        return self._others

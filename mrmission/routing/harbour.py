@@ -43,6 +43,7 @@ class Harbour:
             self.radius_m = np.zeros(len(berths_m))
             free = region
         self.router = WaterRouter(free)
+        self._rimmed: dict[float, shapely.Geometry] = {}
 
     def shared(self, berths: Sequence[int]) -> Harbour:
         """Return the same water for robots that share berths: robot ``i`` lives at ``berths[i]``.
@@ -70,6 +71,14 @@ class Harbour:
         angle = 2 * np.pi * np.arange(_CORNERS) / _CORNERS
         circle = np.column_stack([np.cos(angle), np.sin(angle)])
         return self.berths_m[robot] + self.radius_m[robot] * circle
+
+    def rimmed(self, margin_m: float) -> shapely.Geometry:
+        """Return the region with a rim around it, prepared; made once for all robots."""
+        if margin_m not in self._rimmed:
+            wider = shapely.buffer(self.region, margin_m, join_style="mitre")
+            shapely.prepare(wider)
+            self._rimmed[margin_m] = wider
+        return self._rimmed[margin_m]
 
     def disc(self, robot: int) -> shapely.Polygon:
         """Return the disc about the berth of robot `robot` (from 0) that others keep out of."""
