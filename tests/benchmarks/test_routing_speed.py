@@ -148,3 +148,19 @@ def test_large_hall_of_pixels() -> None:
         f"{took / one_pass:.0f} passes over the pairs of corners"
     )
     assert took < 500 * one_pass + 0.1
+
+
+def test_ends_within_reach(lake: shapely.Polygon, router: WaterRouter) -> None:
+    """Near ones of thousands of points: beside the matrix of a few hundred."""
+    drawn = np.random.default_rng(5).uniform(-2000, 2000, (20_000, 2))
+    points = drawn[shapely.contains_xy(lake, drawn)][:6000]
+    reach = np.full(len(points), 150.0)
+    router.lengths_within(points[:4], reach[:4], 2)
+    whole = cpu_s(lambda: router.distance_matrix(points[:600]), repeats=1)
+    took = cpu_s(lambda: router.lengths_within(points, reach, 17), repeats=1)
+    (start, _, _), _ = router.lengths_within(points, reach, 17)
+    print(
+        f"\nwithin 150 m of {len(points)} points: {took:.2f} s CPU, {start[-1] / len(points):.0f} "
+        f"each; all pairs of 600: {whole:.2f} s"
+    )
+    assert took < 20 * whole
