@@ -66,7 +66,7 @@ def cut_lines(work: PartWork) -> Pieces:
     """
     lines = work.lines
     whole = Pieces(lines=lines, line_of=np.arange(len(lines)))
-    if not lines or max(work.options.runs_m) > 0:
+    if not 0 < len(lines) <= MOST_LINES or max(work.options.runs_m) > 0:
         return whole
     pitch_m = work.sweep.column_pitch_m
     longest_m = max(SHORTEST * pitch_m, SHARE * _least_tour_m(work))

@@ -105,11 +105,13 @@ def sparse_line_costs(
     row = np.repeat(np.arange(len(ends)), np.diff(start))
     low, high = np.minimum(row, other), np.maximum(row, other)
     key = low * len(ends) + high
-    near_m = np.repeat(np.arange(len(ends))[:, None], min(NEAR, travel.near.shape[1]), axis=1)
-    there = travel.near[:, : near_m.shape[1]].astype(np.int64)
-    wanted = np.unique(np.minimum(near_m, there) * len(ends) + np.maximum(near_m, there))
+    count = min(NEAR, travel.near.shape[1])
+    here = np.repeat(np.arange(len(ends)), count)
+    there = travel.near[:, :count].astype(np.int64).ravel()
+    pair = np.minimum(here, there) * len(ends) + np.maximum(here, there)
+    wanted, place = np.unique(pair, return_index=True)
     first, last = wanted // len(ends), wanted % len(ends)
-    metres = harbour.pair_distances(ends[first], ends[last])
+    metres = travel.near_m[:, :count].ravel()[place]
     near = near_ways(ends, first, last, metres, harbour)
     near_s = near_seconds(near, ends, out, hooks, time, lanes_alone)
     place = np.minimum(np.searchsorted(wanted, key), len(wanted) - 1)
