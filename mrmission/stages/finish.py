@@ -34,7 +34,8 @@ from mrmission.stages.launch import launch, launch_notes, waiting
 from mrmission.stages.lines import lanes_of, tie_report, with_lines
 from mrmission.stages.part import PLANNERS
 from mrmission.stages.rows import idle_notes, robot_row, sortie_notes, swing_notes, versions
-from mrmission.stages.sorties import export_in_sorties, joined, parted
+from mrmission.stages.sortie_routes import joined, parted
+from mrmission.stages.sorties import export_in_sorties
 from mrmission.tour.repair import total_area
 from mrmission.tour.timing import TimeModel
 from mrmission.tour.work import PartPlan

@@ -1,0 +1,112 @@
+"""The work of one part as trips: what each may use, and the part with a robot for each trip."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from mrmission.minmax.trips import Allowance, Gauge, TripCutter
+from mrmission.mission.build import Route
+from mrmission.model import CoveragePath, FloatArray
+from mrmission.tour.turnaround import with_turnarounds
+from mrmission.tour.work import PartPlan, PartWork
+
+
+class TripWork:
+    """Measures and cuts the trips of one part.
+
+    Parameters
+    ----------
+    whole
+        The part with one tour for each robot.
+
+    Attributes
+    ----------
+    row
+        Where each robot, by its number, stands among those of the part.
+    own
+        The options as they are for each of them.
+    gauges
+        What a trip of each of them uses.
+    """
+
+    def __init__(self, whole: PartPlan) -> None:
+        self.whole = whole
+        self.work = whole.work
+        self.row = {robot: i for i, robot in enumerate(self.work.robots)}
+        self.own = [self.work.options.of_robot(robot) for robot in self.work.robots]
+        self.gauges = [
+            Gauge(allowance=Allowance.of(own), time=time, options=own, shaped=_shape(self.work))
+            for own, time in zip(self.own, self.work.times, strict=True)
+        ]
+
+    def planned(self, part: PartPlan) -> list[float]:
+        """Return what each path uses of its robot's allowance, before the rest is covered."""
+        return [
+            self.gauges[self.row[robot]].used(path)
+            for robot, path in zip(part.work.robots, part.tours.paths, strict=True)
+        ]
+
+    def measured(self, part: PartPlan, routes: Sequence[Route]) -> list[float]:
+        """Return what each route uses of its robot's allowance, as it is exported."""
+        return [
+            replace(self.gauges[self.row[robot]], shaped=_as_it_is).used(route.path)
+            for robot, route in zip(part.work.robots, routes, strict=True)
+        ]
+
+    def full_s(self, row: int) -> float:
+        """Return how long a full trip of a robot takes, s."""
+        allowance, own = self.gauges[row].allowance, self.own[row]
+        return min(allowance.seconds, allowance.metres / own.survey_speed_m_s)
+
+    def busy_s(self, row: int, trips: int) -> float:
+        """Return how long so many full trips of a robot take, s."""
+        return trips * self.full_s(row) + (trips - 1) * self.own[row].swap_time_s
+
+    def cutter(self, row: int, path: CoveragePath, allowed: float) -> TripCutter:
+        """Return what cuts a path of the robot of a row into trips that use `allowed` at most."""
+        own = replace(path, robot=row + 1)
+        return TripCutter(own, self.home_ways(row), self.gauges[row], allowed)
+
+    def home_ways(self, row: int) -> Callable[[FloatArray], list[FloatArray]]:
+        """Return what gives the ways from the home of the robot of a row to (n, 2) points."""
+        return lambda points_m: self.work.harbour.home_paths([row] * len(points_m), points_m)
+
+    def cut_tours(self, allowed: Sequence[float]) -> list[list[CoveragePath]]:
+        """Return the trips of each robot that its tour is cut into."""
+        paths = self.whole.tours.paths
+        return [self.cutter(row, path, allowed[row]).trips() for row, path in enumerate(paths)]
+
+    def plan_of(self, trips: Sequence[Sequence[CoveragePath]]) -> PartPlan:
+        """Return the part with these trips of each robot."""
+        owners = [row for row, mine in enumerate(trips) for _ in mine]
+        paths = tuple(
+            replace(path, robot=number)
+            for number, path in enumerate((p for mine in trips for p in mine), start=1)
+        )
+        return PartPlan(work=self.work_of(owners), tours=replace(self.whole.tours, paths=paths))
+
+    def work_of(self, owners: Sequence[int]) -> PartWork:
+        """Return the work with one robot for each trip."""
+        work = self.work
+        return replace(
+            work,
+            robots=tuple(work.robots[row] for row in owners),
+            homes_m=work.homes_m[list(owners)],
+            harbour=work.harbour.shared(list(owners)),
+            times=tuple(work.times[row] for row in owners),
+        )
+
+
+def _as_it_is(path: CoveragePath) -> CoveragePath:
+    return path
+
+
+def _shape(work: PartWork) -> Callable[[CoveragePath], CoveragePath]:
+    """Return what becomes of a path before it is exported."""
+    options = work.options
+    run_in_m, run_out_m = options.runs_m
+    if max(run_in_m, run_out_m) <= 0:
+        return _as_it_is
+    limits = None if options.vehicle == "copter" else work.region_m
+    return lambda path: with_turnarounds(path, run_in_m, limits, run_out_m)
