@@ -27,7 +27,7 @@ MANY = ((0.0, 0.5),)
 TRIAL = ((60, 0.5, 0.3),)
 POLISH = tuple((250, 0.3 * 0.55**turn, 0.3) for turn in range(5))
 """Rounds of steps: how many, the first in parts of a typical leg, the last against the first."""
-MOST_STEPS = 50_000
+MOST_STEPS = 150_000
 """Rounds of more lines have fewer steps: so many lines times steps."""
 MOST_LINES = 6000
 """More lines are bounded by the work and the farthest line alone: a proof over all pairs of their

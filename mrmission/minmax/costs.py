@@ -14,6 +14,7 @@ from itertools import pairwise
 import numpy as np
 from numba import njit
 
+from mrmission.minmax.gentle import gentlest_s
 from mrmission.minmax.hooks import Hooks
 from mrmission.minmax.problem import LaneProblem
 from mrmission.minmax.ways import Ways, hooked_ways, straight
@@ -211,7 +212,7 @@ def least_near_s(
     """Return what the ways between pairs of near ends cannot be less than, `near_s` or below.
 
     A reversal may be replaced by up to three gentler corners, which also changes the one behind it
-    (:mod:`mrmission.tour.reversals`); a turn of a radius may begin before the end of a lane.
+    (:mod:`mrmission.minmax.gentle`); a turn of a radius may begin before the end of a lane.
     """
     floor = min(0.0, float(_corner_table(time)[0].min()))
     if time.turn_radius_m > 0:
@@ -230,6 +231,10 @@ def least_near_s(
     least = np.maximum(
         near.metres / time.transit_speed_m_s + 4 * floor, near_s - count * (2 * corner_s + short_s)
     )
+    if not lanes_alone:
+        one = np.flatnonzero(count == 1)
+        ways = hooked_ways(near.first, near.last, near.start, near.points_m, hooks)
+        least[one] = gentlest_s(ways, one, out[near.first], -out[near.last], time)
     return np.where(count > 0, np.clip(least, 0.0, near_s), near_s)
 
 

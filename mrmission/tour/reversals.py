@@ -22,7 +22,7 @@ GENTLE_DEG = 136.0
 """What it is replaced by has no sharper corner; up to 135 degrees the swing is small."""
 ASIDE_M = (5.0, 7.0, 10.0, 14.0)
 """How far to the side; shorter legs than 5 m cost more time than they save."""
-_ASIDE_DEG = (60.0, 75.0, 90.0, 105.0, 120.0, 135.0)
+ASIDE_DEG = (60.0, 75.0, 90.0, 105.0, 120.0, 135.0)
 _ROUNDS = 3
 _ON_LEG_M = 1e-6
 
@@ -122,7 +122,7 @@ def _best(
     come = at - before[0]
     heading = np.arctan2(come[1], come[0])
     side, angle, far = (
-        x.ravel() for x in np.meshgrid((1.0, -1.0), np.radians(_ASIDE_DEG), ASIDE_M, indexing="ij")
+        x.ravel() for x in np.meshgrid((1.0, -1.0), np.radians(ASIDE_DEG), ASIDE_M, indexing="ij")
     )
     out = at + far[:, None] * _unit(heading + side * angle)
     # one point beside the corner, or from there on back beside the way on which it came
