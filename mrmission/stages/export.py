@@ -60,10 +60,11 @@ def export_part(part: PartPlan, frame: LocalFrame) -> tuple[list[Route], Coverag
         worst = max(p.area for p in pieces)
         raise PlanningError(f"{worst:.2f} m² stay uncovered: choose another --angle or --swath")
     by_survey = work.uncovered.remainder(
-        fleet_legs([r.path for r in routes], turn, lanes_alone=True)
+        fleet_legs([r.path for r in routes], turn, lanes_alone=True), exact=True
     )
+    left = work.uncovered.remainder(legs, exact=True) if work.uncovered.hair_m > 0 else pieces
     return routes, Coverage(
-        covered_m2=work.region_m.area - total_area(pieces),
+        covered_m2=work.region_m.area - total_area(left),
         covered_by_survey_m2=work.region_m.area - total_area(by_survey),
         largest_missed_m2=max((p.area for p in pieces), default=0.0),
         notes=turns.notes(frame),

@@ -29,7 +29,7 @@ from mrmission.tour.separation import (
     reversed_path,
     separate,
 )
-from mrmission.tour.sweep import lane_spacing_m
+from mrmission.tour.sweep import widest_spacing_m
 from mrmission.tour.timing import TimeModel
 
 BERTH_REACH = 3.0
@@ -91,7 +91,7 @@ def launch(
     delays = dict(zip(order, found.delay_s.tolist(), strict=True))
     report = _report(found, order, homes_m, frame)
     if report.distance_m > 0:
-        spacing_m = lane_spacing_m(
+        spacing_m = widest_spacing_m(
             options.swath_m, options.overlap, leg_tolerance_m(options.swath_m)
         )
         paths = [sailed[r].path for r in order]

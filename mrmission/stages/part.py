@@ -19,7 +19,7 @@ from mrmission.routing.harbour import Harbour
 from mrmission.stages.cells import cell_tours
 from mrmission.stages.lines import lines_to_sweep, not_counted
 from mrmission.tour.coverage import Uncovered
-from mrmission.tour.sweep import best_bearing_deg, lane_spacing_m, sweep_region
+from mrmission.tour.sweep import best_bearing_deg, hair_m, sweep_region, widest_spacing_m
 from mrmission.tour.timing import TimeModel
 from mrmission.tour.work import PartPlan, PartTours, PartWork
 
@@ -55,7 +55,8 @@ def plan_part(
     notes
         What there is to say is appended.
     """
-    spacing = lane_spacing_m(options.swath_m, options.overlap, leg_tolerance_m(options.swath_m))
+    tolerance_m = leg_tolerance_m(options.swath_m)
+    spacing = widest_spacing_m(options.swath_m, options.overlap, tolerance_m)
     homes = _homes(part, water, starts_m, robots, options, spacing, notes)
     own_times = tuple(times[r - 1] for r in robots)
     harbour = Harbour(part, homes)
@@ -70,7 +71,11 @@ def plan_part(
         lines=lines,
         harbour=harbour,
         uncovered=Uncovered(
-            sweep.region, sweep.column_pitch_m, options.swath_m / 2, not_counted(lines, sweep)
+            sweep.region,
+            sweep.column_pitch_m,
+            options.swath_m / 2,
+            not_counted(lines, sweep),
+            hair_m(options.swath_m, sweep.column_pitch_m, tolerance_m),
         ),
         times=own_times,
         options=options,

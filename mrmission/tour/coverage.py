@@ -94,6 +94,8 @@ class Uncovered:
         Half the swath.
     beside
         Lines (sweep frame) that are swept without being counted: legs along them cover nothing.
+    hair_m
+        So wide a gap is no more than rounding leaves between two lanes, and is not looked for.
     """
 
     def __init__(
@@ -102,9 +104,11 @@ class Uncovered:
         column_pitch_m: float,
         radius_m: float,
         beside: shapely.Geometry | None = None,
+        hair_m: float = 0.0,
     ) -> None:
         self.region = region
         self.radius_m = radius_m
+        self.hair_m = hair_m
         self._beside = None
         if beside is not None and not beside.is_empty:
             self._beside = shapely.buffer(beside, BESIDE_M)
@@ -114,6 +118,11 @@ class Uncovered:
         self._borders = np.linspace(x_min, x_max, count + 1)
         self._strips = np.array(strips_of(region, self._borders), dtype=object)
 
+    @property
+    def reach_m(self) -> float:
+        """Return how far from a leg nothing is looked for: half the swath and half a hair."""
+        return self.radius_m + 0.5 * self.hair_m
+
     def clip(self, geometry: shapely.Geometry) -> shapely.Geometry:
         """Return a small geometry (sweep frame) clipped to the region."""
         x_min, _, x_max, _ = geometry.bounds
@@ -122,7 +131,9 @@ class Uncovered:
         strips = self._strips[max(first, 0) : max(last, first + 1)]
         return shapely.union_all(shapely.intersection(strips, geometry))
 
-    def remainder(self, legs_m: FloatArray, floor_m2: float = 0.0) -> list[shapely.Polygon]:
+    def remainder(
+        self, legs_m: FloatArray, floor_m2: float = 0.0, *, exact: bool = False
+    ) -> list[shapely.Polygon]:
         """Return the polygons (sweep frame) of the region beyond `radius_m` of every leg.
 
         Parameters
@@ -132,11 +143,14 @@ class Uncovered:
         floor_m2
             Pieces of a strip up to this area are not looked for further (they still are bounded
             by it); 0 finds everything.
+        exact
+            Whether hair's breadths between lanes are found too.
         """
         legs_m = legs_m[self.counts(legs_m)]
-        pieces = self._after_quads(legs_m)
+        reach_m = self.radius_m if exact else self.reach_m
+        pieces = self._after_quads(legs_m, reach_m)
         pieces = pieces[shapely.area(pieces) > floor_m2]
-        left = subtract_legs(pieces, legs_m, self.radius_m)
+        left = subtract_legs(pieces, legs_m, reach_m)
         if not left:
             return []
         merged = shapely.union_all(np.array(left, dtype=object))
@@ -148,12 +162,12 @@ class Uncovered:
             return np.ones(len(legs_m), dtype=bool)
         return ~shapely.covers(self._beside, leg_lines(legs_m))
 
-    def _after_quads(self, legs_m: FloatArray) -> npt.NDArray[np.object_]:
+    def _after_quads(self, legs_m: FloatArray, reach_m: float) -> npt.NDArray[np.object_]:
         """Subtract the rectangles beside the lanes: ends, corners and slivers remain."""
         along = legs_m[:, 1] - legs_m[:, 0]
         # a long leg along the strips; its strip is the one that holds its middle
         lane = np.abs(along[:, 1]) > np.maximum(2 * self.radius_m, 10 * np.abs(along[:, 0]))
-        quads = leg_quads(legs_m[lane], self.radius_m)
+        quads = leg_quads(legs_m[lane], reach_m)
         middle_x = legs_m[lane].mean(axis=1)[:, 0]
         strip_of = np.searchsorted(self._borders, middle_x, side="right") - 1
         strip_of = np.clip(strip_of, 0, len(self._strips) - 1)

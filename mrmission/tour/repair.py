@@ -95,7 +95,7 @@ def repair(
         extras = _choose(todo, paths, uncovered, frame, harbour, times, swath_m)
         paths, new_legs = _insert(paths, extras, harbour, lanes_alone)
         pieces = subtract_legs(
-            np.array(pieces, dtype=object), frame.to_sweep(new_legs), uncovered.radius_m
+            np.array(pieces, dtype=object), frame.to_sweep(new_legs), uncovered.reach_m
         )
     worst = max(todo, key=lambda p: p.area)
     point = frame.to_local(shapely.get_coordinates(worst.representative_point()))[0]

@@ -18,10 +18,36 @@ ROWS_PER_COLUMN = 16
 MAX_ROWS = 1_000_000
 
 
+TOUCHING_M = 8.0
+"""From this swath on lanes may lie a whole swath apart: of wider footprints the hair's breadths
+that rounding leaves between two lanes are below 0.05 %."""
+HAIR_M = 0.012
+"""A coordinate of a mission is rounded to 1e-7 degrees, so two lanes that touch may end up so far
+from each other."""
+SAME_SHARE = 5e-5
+"""Columns may be wider than asked for by this share, rather than one more."""
+
+
 def lane_spacing_m(swath_m: float, overlap: float, leg_tolerance_m: float) -> float:
     """Return the widest spacing at which neighbouring lanes leave no gap after rounding."""
     margin = MIN_LANE_OVERLAP_M + leg_tolerance_m
     return min(swath_m * (1 - overlap), max(swath_m - margin, 0.8 * swath_m))
+
+
+def widest_spacing_m(swath_m: float, overlap: float, leg_tolerance_m: float) -> float:
+    """Return the widest spacing of lanes: a swath less the overlap, and less what rounding needs.
+
+    Where the swath is wide that is left out: lanes without overlap may be a hair's breadth apart.
+    """
+    if swath_m >= TOUCHING_M:
+        return swath_m * (1 - overlap)
+    return lane_spacing_m(swath_m, overlap, leg_tolerance_m)
+
+
+def hair_m(swath_m: float, pitch_m: float, leg_tolerance_m: float) -> float:
+    """Return how wide a gap between lanes at a pitch is no more than rounding."""
+    touching = pitch_m > lane_spacing_m(swath_m, 0.0, leg_tolerance_m) * (1 + SAME_SHARE)
+    return HAIR_M if touching else 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,9 +101,12 @@ class Sweep:
 
 
 def columns_of(region: shapely.Polygon, spacing_m: float) -> tuple[FloatArray, float]:
-    """Return the centres of the fewest equal columns no wider than `spacing_m`, and their width."""
+    """Return the centres of the fewest equal columns no wider than `spacing_m`, and their width.
+
+    A few millimetres more are no reason for one column more.
+    """
     x_min, _, x_max, _ = region.bounds
-    count = max(1, int(np.ceil((x_max - x_min) / spacing_m - 1e-9)))
+    count = max(1, int(np.ceil((x_max - x_min) / (spacing_m * (1 + SAME_SHARE)))))
     pitch = (x_max - x_min) / count
     return x_min + (np.arange(count) + 0.5) * pitch, pitch
 

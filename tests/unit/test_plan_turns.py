@@ -152,7 +152,7 @@ def test_a_reversal_may_cost_less_than_its_corner() -> None:
     costs = line_costs(lines, no_hooks(6), harbour, homes, (time,), lanes_alone=False)
     # from the first lane's top back to the second's, by 174 degrees: a gentler way may do
     assert costs.least.end_cost[1, 3] < costs.problem.end_cost[1, 3] - 3.0
-    assert costs.least.end_cost[1, 3] <= np.hypot(20, 180) / 2.0
+    assert costs.least.end_cost[1, 3] >= np.hypot(20, 180) / 2.0
     # over to the third by two corners of 90 degrees
     assert costs.least.end_cost[1, 5] == costs.problem.end_cost[1, 5]
 

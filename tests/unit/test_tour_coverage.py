@@ -115,3 +115,16 @@ def test_quads_and_buffers() -> None:
     disc = shapely.Point(0, 0).buffer(2.0, quad_segs=16).area
     assert shapely.area(buffers) == pytest.approx([40 + disc, disc, 40 + disc])
     assert subtract_legs(np.zeros(0, dtype=object), legs, 2.0) == []
+
+
+def test_a_hair_between_lanes_is_found_only_where_asked_for() -> None:
+    region = shapely.box(0, 0, 20, 100)
+    legs = np.array([[[4.996, 0], [4.996, 100]], [[15.004, 0], [15.004, 100]]])
+    careful = Uncovered(region, 10.0, 5.0)
+    easy = Uncovered(region, 10.0, 5.0, hair_m=0.012)
+    assert sum(p.area for p in careful.remainder(legs)) == pytest.approx(0.8)
+    assert easy.remainder(legs) == []
+    exact = sum(p.area for p in easy.remainder(legs, exact=True))
+    assert exact == pytest.approx(sum(p.area for p in careful.remainder(legs)))
+    wider = legs + np.array([[[0.0, 0.0]], [[0.01, 0.0]]])
+    assert easy.remainder(wider) != []

@@ -9,12 +9,15 @@ from lakes import random_lake_m
 
 from mrmission.decomposition.slices import lane_intervals
 from mrmission.tour.sweep import (
+    HAIR_M,
     SweepFrame,
     best_bearing_deg,
     columns_of,
+    hair_m,
     lane_spacing_m,
     sweep_cost_s,
     sweep_region,
+    widest_spacing_m,
 )
 
 TURN_S = 6.0
@@ -112,3 +115,16 @@ def test_the_best_bearing_is_no_worse_than_a_fan() -> None:
         cost = sweep_cost_s(lake, best, 12.0, 2.0, TURN_S)
         for bearing in range(0, 180, 15):
             assert cost <= sweep_cost_s(lake, float(bearing), 12.0, 2.0, TURN_S) + 1e-9
+
+
+def test_wide_lanes_may_touch_and_narrow_ones_keep_a_margin() -> None:
+    assert widest_spacing_m(10.0, 0.0, 0.02) == 10.0
+    assert widest_spacing_m(10.0, 0.1, 0.02) == pytest.approx(9.0)
+    assert widest_spacing_m(5.0, 0.0, 0.02) == lane_spacing_m(5.0, 0.0, 0.02) < 5.0
+    assert hair_m(10.0, 10.0, 0.02) == HAIR_M
+    assert hair_m(10.0, 9.9, 0.02) == 0.0
+
+
+def test_a_millimetre_more_is_no_reason_for_a_column_more() -> None:
+    assert len(columns_of(shapely.box(0, 0, 300.008, 50), 10.0)[0]) == 30
+    assert len(columns_of(shapely.box(0, 0, 300.1, 50), 10.0)[0]) == 31
