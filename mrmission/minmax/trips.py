@@ -34,6 +34,9 @@ FINER = 3
 """A stretch that must be cut is cut into so many times the pieces that it needs."""
 FEW_STRETCHES, GRAIN = 8, 0.1
 """With fewer stretches than this for each trip, pieces of this share of a trip are tried."""
+BORDERS = 128
+"""Where items alone bind and a tour has twice as many stretches as this, about so many of the
+places between them are looked at for borders of trips: each needs the ways home from there."""
 _BISECTIONS = 14
 
 
@@ -196,19 +199,28 @@ class TripCutter:
         whole = stretches_of(path)
         self._set(whole)
         if allowed < self.largest() and len(self):
-            self._set(self._fitting(whole))
+            self._set(whole, sparsely=False)
+            if allowed < self.largest():
+                self._set(self._fitting(whole), sparsely=False)
 
-    def _set(self, work: Stretches) -> None:
+    def _set(self, work: Stretches, *, sparsely: bool = True) -> None:
+        """Take stretches for the work; `sparsely`: of very many not all may begin a trip."""
         self._used.clear()
         self._lines, self._ways = list(work.lines_m), list(work.ways_m)
+        count = len(self._lines)
+        many = sparsely and self._gauge.allowance.endless and count >= 2 * BORDERS
+        self._borders = [*range(0, count, count // BORDERS if many else 1), count]
         if not self._lines:
-            self._out, self._back = [], []
+            self._out, self._back = {}, {}
             return
-        heads = np.array([line[0] for line in self._lines])
-        tails = np.array([line[-1] for line in self._lines])
+        first = self._borders[:-1]
+        last = [end - 1 for end in self._borders[1:]]
+        heads = np.array([self._lines[i][0] for i in first])
+        tails = np.array([self._lines[i][-1] for i in last])
         found = self._home_ways(np.concatenate([heads, tails]))
-        self._out = found[: len(heads)]
-        self._back = [way[::-1] for way in found[len(heads) :]]
+        self._out = dict(zip(first, found, strict=False))
+        back = (way[::-1] for way in found[len(heads) :])
+        self._back = dict(zip(last, back, strict=True))
 
     def __len__(self) -> int:
         return len(self._lines)
@@ -236,8 +248,8 @@ class TripCutter:
         return self._used[key]
 
     def largest(self) -> float:
-        """Return what the largest stretch uses on a trip of its own."""
-        return max((self.used(i, i + 1) for i in range(len(self))), default=0.0)
+        """Return what the largest stretch, or part between borders, uses on a trip of its own."""
+        return max((self.used(a, b) for a, b in pairwise(self._borders)), default=0.0)
 
     def _ground(self, whole: Stretches) -> Stretches:
         """Cut all long stretches into pieces of about `GRAIN` of a trip."""
@@ -293,24 +305,29 @@ class TripCutter:
         """
         limit = self.allowed if allowed is None else allowed
         borders = [0]
-        while borders[-1] < len(self):
+        while borders[-1] < len(self._borders) - 1:
             end = self._reach(borders[-1], limit)
             if end is None:
                 return None
             borders.append(end)
-        return borders
+        return [self._borders[i] for i in borders]
 
     def _reach(self, first: int, limit: float) -> int | None:
-        """Return the last end of a trip from `first` that fits; None if none does."""
-        if self.used(first, first + 1) > limit:
+        """Return the last border to which a trip from border `first` fits; None if none does."""
+        top = len(self._borders) - 1
+
+        def fits(end: int) -> bool:
+            return self.used(self._borders[first], self._borders[end]) <= limit
+
+        if not fits(first + 1):
             return None
         low, step = first + 1, 1  # `low` fits
-        while low < len(self) and self.used(first, min(low + step, len(self))) <= limit:
-            low, step = min(low + step, len(self)), 2 * step
-        high = min(low + step, len(self) + 1)  # does not fit, or there is no more
+        while low < top and fits(min(low + step, top)):
+            low, step = min(low + step, top), 2 * step
+        high = min(low + step, top + 1)  # does not fit, or there is no more
         while high - low > 1:
             middle = (low + high) // 2
-            if middle <= len(self) and self.used(first, middle) <= limit:
+            if middle <= top and fits(middle):
                 low = middle
             else:
                 high = middle
@@ -326,8 +343,8 @@ class TripCutter:
         """
         best = self.fewest()
         if best is None:  # `_fitting` has seen to it, but for a hair
-            worst = max(range(len(self)), key=lambda i: self.used(i, i + 1))
-            raise TooFarError(self._lines[worst].mean(axis=0), self.trip(worst, worst + 1))
+            a, b = max(pairwise(self._borders), key=lambda ends: self.used(*ends))
+            raise TooFarError(self._lines[a].mean(axis=0), self.trip(a, b))
         trips = max(len(best) - 1, least)
         if trips <= 1:
             return best
@@ -360,12 +377,15 @@ class TripCutter:
         borders = self.balanced(least)
         if len(borders) > 2 and len(self) < FEW_STRETCHES * (len(borders) - 1):
             whole = Stretches(lines_m=tuple(self._lines), ways_m=tuple(self._ways))
+            if len(self._borders) <= len(self):  # so few for each trip: all places between them
+                self._set(whole, sparsely=False)
+                borders = self.balanced(least)
             self._set(self._ground(whole))
             finer = self.fewest()
             if finer is not None and len(finer) < len(borders):
                 borders = self.balanced(least)
             else:
-                self._set(whole)
+                self._set(whole, sparsely=False)
         return [self.trip(a, b) for a, b in pairwise(borders)]
 
 

@@ -115,6 +115,28 @@ def test_all_three_measures_bind() -> None:
         assert measure.used(whole) > 1.0
 
 
+@pytest.mark.parametrize("items", [9, 20, 55])
+def test_of_many_lines_some_ways_home_do(monkeypatch: pytest.MonkeyPatch, items: int) -> None:
+    lines = random_lines(np.random.default_rng(5), 60)
+    measure = gauge(items=float(items))
+    asked: list[int] = []
+
+    def ways(points_m: FloatArray) -> list[FloatArray]:
+        asked.append(len(points_m))
+        return straight_home(points_m)
+
+    exact = TripCutter(tour(lines), straight_home, measure).trips()
+    monkeypatch.setattr("mrmission.minmax.trips.BORDERS", 15)
+    paths = TripCutter(tour(lines), ways, measure).trips()
+    assert asked[0] == 30  # of 120
+    assert max(measure.used(path) for path in paths) <= 1.0
+    swept = [line.tolist() for path in paths for line in stretches_of(path).lines_m]
+    assert swept == [line.tolist() for line in lines]
+    if items == 9:  # a trip holds fewer than lie between borders: all are looked at
+        assert len(paths) == len(exact)
+    assert len(exact) <= len(paths) <= 1.5 * len(exact) + 1
+
+
 def test_a_line_longer_than_a_trip_is_cut() -> None:
     line = np.array([[100.0, -2000.0], [100.0, 2000.0]])
     measure = gauge(metres=4800.0)
