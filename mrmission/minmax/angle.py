@@ -1,29 +1,33 @@
 """The bearing of the lanes: candidates, ranked by what a plan for this fleet would take.
 
 How long all lanes are together says little of how long the last robot takes: with many robots it
-counts how the lanes lie to the way home. So candidates are ranked in rounds. The first looks at
-lanes and turns alone. The candidates that are left are planned with lanes and in-water ways, first
-shortly, then the better half of them longer, until one is left. Bends, hooks and corners are left
-to the plan that follows.
+counts how the lanes lie to the way home, and what they leave uncovered along the shore may cost
+more than the turns. So candidates are ranked in rounds. The first looks at lanes, turns and slivers
+alone (:mod:`mrmission.minmax.slivers`). The best of it are planned, shortly, with lanes, in-water
+ways and the slivers that turns leave; the best of those with all that the plan itself will know:
+cut lanes, hooks, corners.
 
-The rounds take a share of the time budget, counted in steps of the search and not by a clock: the
-same options give the same bearing on any machine.
+The rounds take a share of the time budget, counted in steps of the search and in lanes and not by a
+clock: the same options give the same bearing on any machine.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import shapely
 
-from mrmission.decomposition.slices import lane_intervals
+from mrmission.errors import PlanningError
 from mrmission.minmax.problem import LaneProblem
+from mrmission.minmax.slivers import Lanes, look
+from mrmission.minmax.travel import DENSE_ENDS
 from mrmission.model import FloatArray
 from mrmission.routing.harbour import Harbour
-from mrmission.tour.sweep import ROWS_PER_COLUMN, SweepFrame, columns_of, sweep_cost_s
+from mrmission.tour.sweep import SweepFrame, columns_of
 from mrmission.tour.timing import TimeModel
+from mrmission.tour.work import PartWork
 
 FAN_DEG = 15.0
 """Angle between the candidates of the regular fan."""
@@ -31,15 +35,32 @@ SHORE_EDGES = 6
 """Longest edges of the shore, islands too, whose directions are candidates."""
 SAME_DEG = 2.0
 """Candidates nearer to one before them than this are left out."""
-MOST_PLANNED = 8
-"""At most so many candidates are planned."""
-WORSE = 1.15
-"""Candidates whose lanes and turns cost more than this many times the least are not planned."""
-BUDGET_SHARE = 0.4
-"""Share of the time budget that ranking takes, where it takes any."""
-_FIRST_ROUND = 0.4
-_MATRIX_S = 5e-7
-"""Seconds of budget that stand for each pair of ends, so that large areas try few candidates."""
+SNAP_DEG = 0.05
+"""A candidate so near to a direction of the shore, or else to a whole degree, is moved there."""
+WHOLE_DEG = 0.005
+"""So near to a whole degree a direction of the shore is taken for it: 3 cm in 400 m."""
+MOST_PLANNED, MOST_REAL = 8, 4
+"""At most so many candidates are planned, and so many with all that the plan will know."""
+WORSE = 1.1
+"""Candidates whose lanes, turns and slivers cost more than this many times the least are not
+planned."""
+BUDGET_SHARE = 0.5
+"""Share of the time budget that ranking takes at most."""
+REAL_SHARE = 0.75
+"""Share of that for the last round."""
+MATRIX_S, PIECES_S = 1e-7, 1e-3
+"""Seconds of budget that stand for each pair of ends, and for hooks and corners of each lane, so
+that large areas try few candidates."""
+SEARCH_S, REAL_SEARCH_S = 1e-4, 1.5e-4
+"""Seconds of search for each lane in the second and in the last round."""
+MOST_EFFORT = 4.0
+"""Where there is budget for it, searches are up to so many times as long."""
+MISSED = 0.5
+"""Share of the slivers that no turn covers, where the turns are not known."""
+HOOK_DEG = 150.0
+"""About how far a boat turns at a hook."""
+TURN_COLUMNS = 3.0
+"""Ways shorter than so many columns follow the shore."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,23 +97,42 @@ def candidate_bearings(region_m: shapely.Polygon, spacing_m: float) -> tuple[flo
     They are the direction across which the region is narrowest, those of the least rotated
     rectangle, those in which the shore runs longest, and a regular fan.
     """
+    shore = _shore_directions(region_m, spacing_m)
+    exact = [_whole(_bearing_of(*edge), WHOLE_DEG) for edge in shore]
     found: list[float] = []
 
     def add(east: float, north: float) -> None:
-        bearing = round(float(np.degrees(np.arctan2(east, north))) % 180.0, 3) % 180.0
-        apart = [abs(bearing - b) for b in found]
-        if all(min(a, 180.0 - a) >= SAME_DEG for a in apart):
+        bearing = _bearing_of(east, north)
+        near = [side for side in exact if _apart_deg(side, bearing) <= SNAP_DEG]
+        bearing = near[0] if near else _whole(bearing, SNAP_DEG)
+        if all(_apart_deg(bearing, other) >= SAME_DEG for other in found):
             found.append(bearing)
 
     add(*_narrowest(shapely.get_coordinates(region_m.convex_hull)))
     rectangle = shapely.get_coordinates(shapely.minimum_rotated_rectangle(region_m))
     for edge in np.diff(rectangle, axis=0)[:2]:
         add(*edge)
-    for edge in _shore_directions(region_m, spacing_m):
+    for edge in shore:
         add(*edge)
     for bearing in np.radians(np.arange(0.0, 180.0, FAN_DEG)):
         add(np.sin(bearing), np.cos(bearing))
     return tuple(found)
+
+
+def _bearing_of(east: float, north: float) -> float:
+    """Return the bearing of a line, to a thousandth of a degree, at least 0 and below 180."""
+    return round(float(np.degrees(np.arctan2(east, north))) % 180.0, 3) % 180.0
+
+
+def _apart_deg(a: float, b: float) -> float:
+    """Return the angle between two lines."""
+    return min(abs(a - b), 180.0 - abs(a - b))
+
+
+def _whole(bearing_deg: float, within_deg: float) -> float:
+    """Return the whole degree that a bearing is next to; the bearing itself where none is near."""
+    whole = float(round(bearing_deg))
+    return whole % 180.0 if abs(whole - bearing_deg) <= within_deg else bearing_deg
 
 
 def _narrowest(hull: FloatArray) -> FloatArray:
@@ -127,6 +167,7 @@ def choose_bearing(
     *,
     time_budget_s: float,
     seed: int = 0,
+    work_at: Callable[[float], PartWork] | None = None,
 ) -> BearingChoice:
     """Choose the bearing of the lanes by cheap plans for this fleet.
 
@@ -143,86 +184,150 @@ def choose_bearing(
     spacing_m
         Widest distance between lanes.
     time_budget_s
-        Of the whole plan; 0 ranks by lanes, turns and ways home alone.
+        Of the whole plan; 0 ranks by lanes, turns and slivers alone.
     seed
         Of the search.
+    work_at
+        The work of the part under a bearing; without it there is no last round.
     """
     from mrmission.minmax.planner import BUDGET_PER_LINE_S
+    from mrmission.minmax.search import minmax
 
     bearings = candidate_bearings(region_m, spacing_m)
-    turn_s = time.lane_turn_s(spacing_m)
-    rough = np.array(
-        [sweep_cost_s(region_m, b, spacing_m, time.survey_speed_m_s, turn_s) for b in bearings]
-    ) / len(homes_m)
+    views = [_View.of(region_m, bearing, spacing_m) for bearing in bearings]
+    rough = np.array([view.rough_s(time) for view in views]) / len(homes_m)
     tried = [
         Tried(bearing_deg=b, round=0, makespan_s=float(s))
         for b, s in zip(bearings, rough, strict=True)
     ]
     ranked = [int(i) for i in np.argsort(rough, kind="stable") if rough[i] <= WORSE * rough.min()]
-    ends = max(len(_lanes_m(region_m, bearings[ranked[0]], spacing_m)) * 2, 2)
-    time_budget_s = min(time_budget_s, BUDGET_PER_LINE_S * ends / 2)
-    afford = int(BUDGET_SHARE * time_budget_s / (_MATRIX_S * ends**2))
-    ranked = ranked[: min(MOST_PLANNED, afford)]
-    if len(ranked) < 2:
-        best = int(np.argmin(rough))
-        return BearingChoice(
-            bearing_deg=bearings[best], budget_left_s=time_budget_s, tried=tuple(tried)
+    lanes = max(len(views[ranked[0]].lanes.x_m), 1)
+    share_s = BUDGET_SHARE * min(time_budget_s, BUDGET_PER_LINE_S * lanes)
+    planned, real, effort = _affordable(share_s, lanes, len(ranked), last_round=work_at is not None)
+    left_s = time_budget_s
+
+    def next_round(
+        number: int, count: int, search_s: float, problem_at: Callable[[int], LaneProblem]
+    ) -> None:
+        nonlocal left_s
+        search_s *= effort * lanes
+        cost = []
+        for i in ranked[:count]:
+            try:
+                makespan_s = float(minmax(problem_at(i), search_s, seed).cost.max())
+            except PlanningError:  # no lane or no tie line at this bearing, maybe at another
+                makespan_s = float("inf")
+            cost.append(makespan_s)
+            tried[i] = Tried(bearing_deg=bearings[i], round=number, makespan_s=cost[-1])
+        ranked[:] = [ranked[j] for j in np.argsort(cost, kind="stable")]
+        left_s -= count * (search_s + _MADE_S[number](lanes))
+
+    if planned >= 2:
+        next_round(
+            1, planned, SEARCH_S, lambda i: views[i].problem(harbour, homes_m, time, spacing_m)
         )
-    problems = {
-        i: lane_problem(region_m, bearings[i], harbour, homes_m, time, spacing_m) for i in ranked
-    }
-    left_s = BUDGET_SHARE * time_budget_s
-    rounds = int(np.ceil(np.log2(len(ranked))))
-    for number in range(1, rounds + 1):
-        share_s = left_s if number == rounds else _FIRST_ROUND * left_s
-        left_s -= share_s
-        cost = _searched(problems, ranked, share_s / len(ranked), seed)
-        for i, makespan_s in zip(ranked, cost, strict=True):
-            tried[i] = Tried(bearing_deg=bearings[i], round=number, makespan_s=makespan_s)
-        order = np.argsort(cost, kind="stable")
-        ranked = [ranked[j] for j in order[: max(1, (len(ranked) + 1) // 2)]]
+    if work_at is not None and real >= 2:
+        make = work_at
+        next_round(2, real, REAL_SEARCH_S, lambda i: _real_problem(make(bearings[i])))
     return BearingChoice(
-        bearing_deg=bearings[ranked[0]],
-        budget_left_s=(1.0 - BUDGET_SHARE) * time_budget_s,
-        tried=tuple(tried),
+        bearing_deg=bearings[ranked[0]], budget_left_s=max(left_s, 0.0), tried=tuple(tried)
     )
 
 
-def _searched(
-    problems: dict[int, LaneProblem], which: Sequence[int], budget_s: float, seed: int
-) -> list[float]:
-    """Return the seconds of the last robot when each of some problems is searched."""
-    from mrmission.minmax.search import minmax
-
-    return [float(minmax(problems[i], budget_s, seed).cost.max()) for i in which]
+_MADE_S: dict[int, Callable[[int], float]] = {
+    1: lambda lanes: MATRIX_S * (2 * lanes) ** 2,
+    2: lambda lanes: MATRIX_S * (2 * lanes) ** 2 + PIECES_S * lanes,
+}
+"""Seconds of budget that making the problem of a candidate stands for, by round."""
 
 
-def lane_problem(
-    region_m: shapely.Polygon,
-    bearing_deg: float,
-    harbour: Harbour,
-    homes_m: FloatArray,
-    time: TimeModel,
-    spacing_m: float,
-) -> LaneProblem:
-    """Return the lanes of a bearing with in-water ways, all turns taken for alike."""
-    lanes = _lanes_m(region_m, bearing_deg, spacing_m)
-    ends = lanes.reshape(-1, 2)
-    turn_s = time.lane_turn_s(spacing_m)
-    return LaneProblem(
-        lane_cost=np.hypot(*(lanes[:, 1] - lanes[:, 0]).T) / time.survey_speed_m_s,
-        end_cost=harbour.distance_matrix(ends) / time.transit_speed_m_s + turn_s,
-        home_cost=harbour.distances(homes_m, ends) / time.transit_speed_m_s,
-    )
+def _affordable(
+    share_s: float, lanes: int, candidates: int, *, last_round: bool
+) -> tuple[int, int, float]:
+    """Return how many candidates are planned, how many to the last, and how long searches are.
+
+    The last round is the dearer one: it is held with two candidates or more, or not at all.
+    """
+    if 2 * lanes > DENSE_ENDS:  # no matrix can be kept
+        return 0, 0, 1.0
+    one_s = _MADE_S[1](lanes) + SEARCH_S * lanes
+    real_s = _MADE_S[2](lanes) + REAL_SEARCH_S * lanes
+    real = min(MOST_REAL, candidates, int(REAL_SHARE * share_s / real_s)) if last_round else 0
+    real = real if real >= 2 else 0
+    planned = min(MOST_PLANNED, candidates, int((share_s - real * real_s) / one_s))
+    planned = planned if planned >= 2 else 0
+    searched_s = (planned * SEARCH_S + real * REAL_SEARCH_S) * lanes
+    spare_s = share_s - planned * one_s - real * real_s
+    effort = min(MOST_EFFORT, 1.0 + max(spare_s, 0.0) / searched_s) if searched_s > 0 else 1.0
+    return planned, real if planned == 0 else min(real, planned), effort
 
 
-def _lanes_m(region_m: shapely.Polygon, bearing_deg: float, spacing_m: float) -> FloatArray:
-    """Return (n, 2, 2) lanes of a bearing, local frame, without the shortest."""
-    frame = SweepFrame(bearing_deg=bearing_deg)
-    region = frame.turn(region_m)
-    column_x, pitch = columns_of(region, spacing_m)
-    column, low, high = lane_intervals(region, column_x)
-    kept = high - low > pitch / ROWS_PER_COLUMN
-    x = np.repeat(column_x[column[kept]][:, None], 2, axis=1)
-    y = np.column_stack([low[kept], high[kept]])
-    return frame.to_local(np.stack([x, y], axis=2))
+def _real_problem(work: PartWork) -> LaneProblem:
+    """Return what the planner would search: cut lanes, hooks and corners."""
+    from dataclasses import replace
+
+    from mrmission.minmax.cut import cut_lines
+    from mrmission.minmax.hooks import find_hooks, no_hooks
+    from mrmission.minmax.runs import part_costs
+
+    work = replace(work, lines=cut_lines(work).lines)
+    hooks, extra = find_hooks(work)
+    if work.time.turn_radius_m > 0:
+        hooks = no_hooks(2 * len(work.lines + extra))
+    return part_costs(work.lines + extra, hooks, work).problem
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _View:
+    """A region under one bearing: its lanes, what they leave, and how wide columns are."""
+
+    frame: SweepFrame
+    lanes: Lanes
+    pitch_m: float
+
+    @classmethod
+    def of(cls, region_m: shapely.Polygon, bearing_deg: float, spacing_m: float) -> _View:
+        frame = SweepFrame(bearing_deg=bearing_deg)
+        region = frame.turn(region_m)
+        column_x, pitch = columns_of(region, spacing_m)
+        return cls(frame=frame, lanes=look(region, column_x, pitch), pitch_m=pitch)
+
+    def rough_s(self, time: TimeModel) -> float:
+        """Return about the seconds of sweeping the region: lanes, turns, slivers."""
+        length_m = float(np.diff(self.lanes.y_m, axis=1).sum()) + self.lanes.alone_m
+        turns_m = len(self.lanes.x_m) * self.pitch_m
+        turns_s = len(self.lanes.x_m) * time.lane_turn_s(self.pitch_m)
+        slivers_s = MISSED * float(self._hooks_s(time).sum())
+        return (length_m + turns_m) / time.survey_speed_m_s + turns_s + slivers_s
+
+    def _hooks_s(self, time: TimeModel) -> FloatArray:
+        """Return (lanes, 2, 2) seconds of going out for each sliver, by lane, end and side."""
+        out_m, curves = self.lanes.out_m, time.transit
+        corner_s = float(np.interp(HOOK_DEG, curves.angle_deg, curves.corner_s))
+        short_s = np.interp(out_m.ravel(), curves.leg_m, curves.first_s + curves.bend_s)
+        hook_s = 2 * out_m / time.transit_speed_m_s + corner_s + short_s.reshape(out_m.shape)
+        return np.where(out_m > 0, hook_s, 0.0)
+
+    def problem(
+        self, harbour: Harbour, homes_m: FloatArray, time: TimeModel, spacing_m: float
+    ) -> LaneProblem:
+        """Return the lanes with in-water ways, all turns taken for alike but for what they cover.
+
+        A short way from one lane to another covers the slivers on its side of either.
+        """
+        lanes = self.lanes
+        x = np.repeat(lanes.x_m, 2)
+        ends = self.frame.to_local(np.column_stack([x, lanes.y_m.ravel()]))
+        way_m = harbour.distance_matrix(ends)
+        left_s, right_s = np.moveaxis(self._hooks_s(time).reshape(-1, 2), 1, 0)
+        aside_m = np.where(way_m < TURN_COLUMNS * self.pitch_m, x[None] - x[:, None], 0.0)
+        left_out_s = np.where(aside_m < -0.5 * self.pitch_m, 0.0, left_s[:, None])
+        left_out_s += np.where(aside_m > 0.5 * self.pitch_m, 0.0, right_s[:, None])
+        lane_m = lanes.y_m[:, 1] - lanes.y_m[:, 0] + lanes.alone_m / max(len(lanes.x_m), 1)
+        way_s = way_m / time.transit_speed_m_s + time.lane_turn_s(spacing_m)
+        home_s = harbour.distances(homes_m, ends) / time.transit_speed_m_s
+        return LaneProblem(
+            lane_cost=lane_m / time.survey_speed_m_s,
+            end_cost=way_s + left_out_s + left_out_s.T,
+            home_cost=home_s + left_s + right_s,
+        )

@@ -60,26 +60,29 @@ def plan_part(
     homes = _homes(part, water, starts_m, robots, options, spacing, notes)
     own_times = tuple(times[r - 1] for r in robots)
     harbour = Harbour(part, homes)
-    bearing_deg, options = _bearing_deg(part, harbour, spacing, options, own_times[0])
-    sweep = sweep_region(part, bearing_deg, spacing)
-    lines = lines_to_sweep(sweep, part, options)
-    work = PartWork(
-        region_m=part,
-        robots=robots,
-        homes_m=homes,
-        sweep=sweep,
-        lines=lines,
-        harbour=harbour,
-        uncovered=Uncovered(
-            sweep.region,
-            sweep.column_pitch_m,
-            options.swath_m / 2,
-            not_counted(lines, sweep),
-            hair_m(options.swath_m, sweep.column_pitch_m, tolerance_m),
-        ),
-        times=own_times,
-        options=options,
-    )
+
+    def work_at(bearing_deg: float, options: PlanOptions = options) -> PartWork:
+        sweep = sweep_region(part, bearing_deg, spacing)
+        lines = lines_to_sweep(sweep, part, options)
+        return PartWork(
+            region_m=part,
+            robots=robots,
+            homes_m=homes,
+            sweep=sweep,
+            lines=lines,
+            harbour=harbour,
+            uncovered=Uncovered(
+                sweep.region,
+                sweep.column_pitch_m,
+                options.swath_m / 2,
+                not_counted(lines, sweep),
+                hair_m(options.swath_m, sweep.column_pitch_m, tolerance_m),
+            ),
+            times=own_times,
+            options=options,
+        )
+
+    work = work_at(*_bearing_deg(part, harbour, spacing, options, own_times[0], work_at))
     return PartPlan(work=work, tours=PLANNERS.get(options.method, cell_tours)(work))
 
 
@@ -89,6 +92,7 @@ def _bearing_deg(
     spacing_m: float,
     options: PlanOptions,
     time: TimeModel,
+    work_at: Callable[[float], PartWork],
 ) -> tuple[float, PlanOptions]:
     """Return the bearing of the lanes, 0 to 180 degrees, and what is left of the time budget."""
     if options.bearing_deg is not None:
@@ -104,6 +108,7 @@ def _bearing_deg(
         spacing_m,
         time_budget_s=options.time_budget_s,
         seed=options.seed,
+        work_at=work_at,
     )
     return choice.bearing_deg, replace(options, time_budget_s=choice.budget_left_s)
 

@@ -7,7 +7,9 @@ import pytest
 import shapely
 
 from mrmission.errors import ConfigError
+from mrmission.minmax import angle
 from mrmission.minmax.angle import BUDGET_SHARE, candidate_bearings, choose_bearing
+from mrmission.minmax.slivers import look
 from mrmission.options import PlanOptions
 from mrmission.pipeline import plan
 from mrmission.routing.harbour import Harbour
@@ -86,10 +88,135 @@ def test_same_seed_same_choice_and_the_budget_is_shared() -> None:
         for _ in range(2)
     )
     assert one == two
-    assert max(t.round for t in one.tried) > 1
+    assert max(t.round for t in one.tried) == 1  # no last round without the part's work
     best = max(one.tried, key=lambda t: (t.round, -t.makespan_s))
     assert one.bearing_deg == best.bearing_deg
-    assert one.budget_left_s == pytest.approx((1 - BUDGET_SHARE) * 0.4)
+    assert (1 - BUDGET_SHARE) * 0.4 - 1e-9 <= one.budget_left_s < 0.4
+
+
+def test_a_side_that_is_nearly_at_a_whole_degree_is_followed_exactly() -> None:
+    # its sides lie at 90.03: lanes at 90 would meet them at a slant
+    found = candidate_bearings(turned_box(400, 300, 90.03), 10.0)
+    assert 90.03 in found
+    assert 90.0 not in found
+    assert 0.03 in found
+
+
+@pytest.mark.parametrize("off", [0.002, -0.002])
+def test_a_side_a_hair_from_a_whole_degree_is_taken_for_it(off: float) -> None:
+    found = candidate_bearings(turned_box(400, 300, 90.0 + off), 10.0)
+    assert {0.0, 90.0} <= set(found)
+    found = candidate_bearings(turned_box(300, 400, off), 10.0)
+    assert {0.0, 90.0} <= set(found)
+
+
+def slivers_by_hand(region: shapely.Polygon, column_x: np.ndarray, pitch: float) -> list[float]:
+    """How far the water goes on beside each lane end: bit by bit along both borders."""
+    out = []
+    for x in column_x:
+        lane = shapely.intersection(region, shapely.LineString([(x, -1e4), (x, 1e4)])).bounds
+        for end, step in ((lane[1], -0.01), (lane[3], 0.01)):
+            for side in (-0.499 * pitch, 0.499 * pitch):
+                count = 0
+                while shapely.contains_xy(region, x + side, end + step * (count + 0.5)):
+                    count += 1
+                out.append(max(0.0, float(np.hypot(side, 0.01 * count)) - 0.5 * pitch))
+    return out
+
+
+def test_slivers_are_those_at_the_borders_of_columns() -> None:
+    rng = np.random.default_rng(11)
+    for _ in range(5):
+        region = shapely.MultiPoint(rng.uniform(0, 100, (8, 2))).convex_hull
+        x_min, _, x_max, _ = region.bounds
+        pitch = (x_max - x_min) / 9
+        column_x = x_min + (np.arange(9) + 0.5) * pitch
+        seen = look(region, column_x, pitch)
+        assert np.array_equal(seen.x_m, column_x)
+        by_hand = np.array(slivers_by_hand(region, column_x, pitch)).reshape(-1, 2, 2)
+        by_hand[by_hand <= 0.005 * pitch] = 0.0
+        assert seen.out_m == pytest.approx(by_hand, abs=0.1)
+
+
+def test_no_slivers_are_left_along_straight_ends() -> None:
+    seen = look(shapely.box(0, 0, 100, 50), np.arange(5.0, 100.0, 10.0), 10.0)
+    assert not seen.out_m.any()
+    assert seen.alone_m == 0.0
+
+
+def test_half_of_what_lies_between_two_lanes_belongs_to_each() -> None:
+    # an island 4 m high across the middle of the column only: water goes round it at both sides
+    region = shapely.Polygon(
+        shapely.box(0, 0, 10, 60).exterior, [shapely.box(3, 20, 7, 40).exterior]
+    )
+    seen = look(region, np.array([5.0]), 10.0)
+    out = float(np.hypot(4.99, 10.0)) - 5.0
+    assert seen.y_m.tolist() == [[0.0, 20.0], [40.0, 60.0]]
+    assert seen.out_m[0] == pytest.approx(np.array([[0.0, 0.0], [out, out]]))
+    assert seen.out_m[1] == pytest.approx(np.array([[out, out], [0.0, 0.0]]))
+
+
+def test_water_without_a_lane_beside_is_told() -> None:
+    # a bay along the border between the first two columns, met by neither lane
+    bay = shapely.box(7, 40, 13, 70)
+    region = shapely.union(
+        shapely.box(0, 0, 20, 20), shapely.union(bay, shapely.box(9, 20, 11, 40))
+    )
+    seen = look(region, np.array([5.0, 15.0]), 10.0)
+    assert len(seen.x_m) == 2
+    assert seen.alone_m == pytest.approx(0.0)  # it hangs together with the water of the lanes
+    island = look(shapely.MultiPolygon([shapely.box(0, 0, 20, 20), bay]), seen.x_m, 10.0)
+    assert island.alone_m == pytest.approx(30.0)
+
+
+def test_stairs_are_swept_along_their_steps() -> None:
+    # seen from afar the shore runs slantwise, where each lane would leave a sliver at both ends
+    steps = [(20.0 * (i // 2 + i % 2), 20.0 * (i // 2)) for i in range(20)]
+    lake = shapely.Polygon([*steps, (190.0, 330.0), (-150.0, 330.0), (-150.0, 0.0)])
+    home = np.array([[0.0, 150.0]])
+    choice = choose_bearing(lake, Harbour(lake, home), home, TIME, 20.0, time_budget_s=0.0)
+    assert min(off_deg(choice.bearing_deg, 0.0), off_deg(choice.bearing_deg, 90.0)) < 0.01
+
+
+def test_the_last_round_knows_all_that_the_plan_knows() -> None:
+    area = area_of(turned_box(400, 300, 75.0))
+    seen = []
+
+    def spied(*args: object, **kwargs: object) -> angle.BearingChoice:
+        seen.append(choose_bearing(*args, **kwargs))  # type: ignore[arg-type]
+        return seen[-1]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("mrmission.stages.part.choose_bearing", spied)
+        options = PlanOptions(
+            robots=2, swath_m=30.0, clearance_m=0.0, method="minmax", fence=False,
+            time_budget_s=1.0,
+        )  # fmt: skip
+        found = plan(area, options)
+    (choice,) = seen
+    last = [t for t in choice.tried if t.round == 2]
+    assert 2 <= len(last) <= angle.MOST_REAL
+    assert choice.bearing_deg == min(last, key=lambda t: t.makespan_s).bearing_deg
+    assert found.report.angle_deg == pytest.approx(choice.bearing_deg)
+    # what was expected is what the plan takes, up to what a longer search finds
+    assert found.report.makespan_s == pytest.approx(min(t.makespan_s for t in last), rel=0.05)
+
+
+def test_ten_thousand_lanes_are_not_planned_to_choose() -> None:
+    planned, real, _ = angle._affordable(angle.BUDGET_SHARE * 5.0, 10_000, 20, last_round=True)
+    assert (planned, real) == (0, 0)
+    planned, real, _ = angle._affordable(angle.BUDGET_SHARE * 5.0, 300, 20, last_round=True)
+    assert planned >= 4
+    assert real >= 2
+
+
+def test_what_ranking_is_counted_for_is_no_more_than_its_share() -> None:
+    for lanes in (10, 100, 300, 700, 2000):
+        for share in (0.01, 0.1, 1.5, 2.5, 30.0):
+            planned, real, effort = angle._affordable(share, lanes, 20, last_round=True)
+            searched = effort * lanes * (planned * angle.SEARCH_S + real * angle.REAL_SEARCH_S)
+            made = planned * angle._MADE_S[1](lanes) + real * angle._MADE_S[2](lanes)
+            assert searched + made <= share * (1 + 1e-9)
 
 
 def test_no_budget_is_spent_where_none_is_given() -> None:
