@@ -8,7 +8,7 @@ between all others from the angles at both ends alone, and from a mean corner wh
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -92,9 +92,11 @@ def line_costs(
     _price_all(cost, ends, out, table, mean, hook_s, 1.0 / time.transit_speed_m_s)
     floor = min(0.0, float(table.min()))
     no_hooks = np.zeros(len(ends))
-    flat = np.full_like(table, floor)
-    _price_all(least, ends, out, flat, floor, no_hooks, 1.0 / time.transit_speed_m_s)
-    least_s = least_near_s(near_s, near, ends, out, hooks, time, lanes_alone)
+    widest = widest_turning(times)
+    corner_s = floor - trim_s(widest)
+    flat = np.full_like(table, corner_s)
+    _price_all(least, ends, out, flat, corner_s, no_hooks, 1.0 / way_speed_m_s(widest))
+    least_s = least_near_s(near_s, near, ends, out, hooks, widest, lanes_alone)
     for matrix, seconds in ((cost, near_s), (least, least_s)):
         matrix[first, last] = seconds
         matrix[last, first] = seconds
@@ -110,7 +112,7 @@ def line_costs(
             travel_scale=travel_scale,
         ),
         least=LaneProblem(
-            lane_cost=least_lane_s(lines, time),
+            lane_cost=least_lane_s(lines, widest),
             end_cost=least,
             home_cost=home_least_s,
             sweep_scale=sweep_scale,
@@ -200,6 +202,29 @@ def near_seconds(
     return ways_s(ways, out[first], -out[last], time, lanes_alone=lanes_alone)
 
 
+def widest_turning(times: tuple[TimeModel, ...]) -> TimeModel:
+    """Return the first robot's times with the largest turn radius of all.
+
+    The order of lanes is by the first; what turns leave out, any robot may.
+    """
+    radius_m = max(time.turn_radius_m for time in times)
+    same = radius_m == times[0].turn_radius_m
+    return times[0] if same else replace(times[0], turn_radius_m=radius_m)
+
+
+def trim_s(time: TimeModel) -> float:
+    """Return what a way may be shorter for each lane end at which a turn trims the lane."""
+    return MOST_TRIM * time.turn_radius_m / way_speed_m_s(time)
+
+
+def way_speed_m_s(time: TimeModel) -> float:
+    """Return the speed that no way between lanes goes beyond.
+
+    With a turn radius a lane goes on to the first corner of the turn, at survey speed.
+    """
+    return time.top_speed_m_s if time.turn_radius_m > 0 else time.transit_speed_m_s
+
+
 def least_near_s(
     near_s: FloatArray,
     near: NearWays,
@@ -216,8 +241,7 @@ def least_near_s(
     """
     floor = min(0.0, float(_corner_table(time)[0].min()))
     if time.turn_radius_m > 0:
-        metres = near.metres - 2 * MOST_TRIM * time.turn_radius_m
-        least = metres / time.transit_speed_m_s + 2 * floor
+        least = near.metres / way_speed_m_s(time) + 2 * (floor - trim_s(time))
         return np.minimum(near_s, np.maximum(least, 0.0))
     if time.steering != "steered" or not len(near_s):
         return near_s
@@ -423,7 +447,8 @@ def _home_seconds(
         half = 0.5 * _ends_s(time)
         cost[robot] = np.maximum(seconds, 0.0) + half
         floor = min(0.0, float(_corner_table(time)[0].min()))
-        least[robot] = np.maximum(metres[robot] / time.transit_speed_m_s + floor, 0.0) + half
+        way_s = metres[robot] / way_speed_m_s(time) + floor - trim_s(time)
+        least[robot] = np.maximum(way_s, 0.0) + half
     return cost, least
 
 
@@ -435,10 +460,15 @@ def _ends_s(time: TimeModel) -> float:
 
 
 def _short_lanes_s(lines: tuple[SurveyLine, ...], time: TimeModel) -> FloatArray:
-    """Return (lines,) extra seconds inside the lines: their corners, and what short ones cost."""
-    seconds = np.zeros(len(lines))
+    """Return (lines,) extra seconds inside the lines: their corners, and what short ones cost.
+
+    A short lane lies between two ways that are priced as if it were long; in the zigzag that it
+    mostly belongs to, each leg costs its own.
+    """
+    curves = time.survey
+    seconds = np.interp(lengths_m(lines), curves.leg_m, curves.zigzag_s)
     for i, line in enumerate(lines):
         if len(line.points_m) > 2:
             kind = np.full(len(line.points_m) - 1, int(LegKind.SURVEY), dtype=np.int8)
             seconds[i] = float(time.corners_s(line.points_m, kind).sum())
-    return seconds
+    return np.asarray(seconds, dtype=np.float64)

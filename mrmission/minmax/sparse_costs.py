@@ -22,6 +22,9 @@ from mrmission.minmax.costs import (
     near_seconds,
     near_ways,
     outward,
+    trim_s,
+    way_speed_m_s,
+    widest_turning,
 )
 from mrmission.minmax.hooks import Hooks
 from mrmission.minmax.travel import (
@@ -101,7 +104,11 @@ def sparse_line_costs(
     price: Price = (out, hook_s, table, rest, *no_answers())
     second_s = price_table(arrays, price)
     floor = min(0.0, float(table.min()))
-    least_s = np.maximum(length_m * rest[1] + 2 * floor, 0.0)
+    widest = widest_turning(times)
+    corner_s = floor - trim_s(widest)
+    # a lane goes on by a diameter at most at either end
+    ahead_s = widest.turn_radius_m * (rest[1] - 1.0 / way_speed_m_s(widest))
+    least_s = np.maximum(length_m / way_speed_m_s(widest) + 2 * corner_s, 0.0)
     row = np.repeat(np.arange(len(ends)), np.diff(start))
     low, high = np.minimum(row, other), np.maximum(row, other)
     key = low * len(ends) + high
@@ -117,7 +124,7 @@ def sparse_line_costs(
     place = np.minimum(np.searchsorted(wanted, key), len(wanted) - 1)
     priced = wanted[place] == key
     second_s[priced] = near_s[place[priced]]
-    near_least_s = least_near_s(near_s, near, ends, out, hooks, time, lanes_alone)
+    near_least_s = least_near_s(near_s, near, ends, out, hooks, widest, lanes_alone)
     least_s[priced] = near_least_s[place[priced]]
     home_s, home_least_s = _home_seconds(ends, out, homes_m, hooks, harbour, times, lanes_alone)
     lane_s = lengths_m(lines) / time.survey_speed_m_s
@@ -128,12 +135,12 @@ def sparse_line_costs(
         arrays=arrays,
         second_s=second_s,
         price=price,
-        least_lane_s=least_lane_s(lines, time),
+        least_lane_s=least_lane_s(lines, widest),
         least_home_s=home_least_s,
         least_s=least_s.astype(np.float32),
-        beyond_s=np.maximum(arrays[0][:, 3] * rest[1] + 2 * floor, 0.0),
+        beyond_s=np.maximum(arrays[0][:, 3] / way_speed_m_s(widest) + 2 * corner_s, 0.0),
         ends_m=ends,
-        slack_s=-4 * floor + 2 * MOST_TRIM * time.turn_radius_m / time.transit_speed_m_s,
+        slack_s=-4 * floor + 2 * MOST_TRIM * widest.turn_radius_m * rest[1] + 4 * ahead_s,
     )
 
 
