@@ -53,6 +53,10 @@ MATRIX_S, PIECES_S = 1e-7, 1e-3
 that large areas try few candidates."""
 SEARCH_S, REAL_SEARCH_S = 1e-4, 1.5e-4
 """Seconds of search for each lane in the second and in the last round."""
+LEAST_SEARCH_S, LEAST_REAL_SEARCH_S = 0.02, 0.08
+"""Seconds of search in either round at least: few lanes are cut into many pieces."""
+FEW_LANES = 33
+"""Fewer lanes than so many get as much of the budget."""
 MOST_EFFORT = 4.0
 """Where there is budget for it, searches are up to so many times as long."""
 MISSED = 0.5
@@ -202,15 +206,13 @@ def choose_bearing(
     ]
     ranked = [int(i) for i in np.argsort(rough, kind="stable") if rough[i] <= WORSE * rough.min()]
     lanes = max(len(views[ranked[0]].lanes.x_m), 1)
-    share_s = BUDGET_SHARE * min(time_budget_s, BUDGET_PER_LINE_S * lanes)
+    share_s = BUDGET_SHARE * min(time_budget_s, BUDGET_PER_LINE_S * max(lanes, FEW_LANES))
     planned, real, effort = _affordable(share_s, lanes, len(ranked), last_round=work_at is not None)
     left_s = time_budget_s
 
-    def next_round(
-        number: int, count: int, search_s: float, problem_at: Callable[[int], LaneProblem]
-    ) -> None:
+    def next_round(number: int, count: int, problem_at: Callable[[int], LaneProblem]) -> None:
         nonlocal left_s
-        search_s *= effort * lanes
+        search_s = effort * _search_s(number, lanes)
         cost = []
         for i in ranked[:count]:
             try:
@@ -220,25 +222,28 @@ def choose_bearing(
             cost.append(makespan_s)
             tried[i] = Tried(bearing_deg=bearings[i], round=number, makespan_s=cost[-1])
         ranked[:] = [ranked[j] for j in np.argsort(cost, kind="stable")]
-        left_s -= count * (search_s + _MADE_S[number](lanes))
+        left_s -= count * (search_s + _made_s(number, lanes))
 
     if planned >= 2:
-        next_round(
-            1, planned, SEARCH_S, lambda i: views[i].problem(harbour, homes_m, time, spacing_m)
-        )
+        next_round(1, planned, lambda i: views[i].problem(harbour, homes_m, time, spacing_m))
     if work_at is not None and real >= 2:
         make = work_at
-        next_round(2, real, REAL_SEARCH_S, lambda i: _real_problem(make(bearings[i])))
+        next_round(2, real, lambda i: _real_problem(make(bearings[i])))
     return BearingChoice(
         bearing_deg=bearings[ranked[0]], budget_left_s=max(left_s, 0.0), tried=tuple(tried)
     )
 
 
-_MADE_S: dict[int, Callable[[int], float]] = {
-    1: lambda lanes: MATRIX_S * (2 * lanes) ** 2,
-    2: lambda lanes: MATRIX_S * (2 * lanes) ** 2 + PIECES_S * lanes,
-}
-"""Seconds of budget that making the problem of a candidate stands for, by round."""
+def _made_s(number: int, lanes: int) -> float:
+    """Return the seconds of budget that making a candidate's problem stands for in a round."""
+    return MATRIX_S * (2 * lanes) ** 2 + (PIECES_S * lanes if number == 2 else 0.0)
+
+
+def _search_s(number: int, lanes: int) -> float:
+    """Return for how many seconds of budget a candidate is searched in a round, at least."""
+    if number == 1:
+        return max(LEAST_SEARCH_S, SEARCH_S * lanes)
+    return max(LEAST_REAL_SEARCH_S, REAL_SEARCH_S * lanes)
 
 
 def _affordable(
@@ -250,13 +255,13 @@ def _affordable(
     """
     if 2 * lanes > DENSE_ENDS:  # no matrix can be kept
         return 0, 0, 1.0
-    one_s = _MADE_S[1](lanes) + SEARCH_S * lanes
-    real_s = _MADE_S[2](lanes) + REAL_SEARCH_S * lanes
+    one_s = _made_s(1, lanes) + _search_s(1, lanes)
+    real_s = _made_s(2, lanes) + _search_s(2, lanes)
     real = min(MOST_REAL, candidates, int(REAL_SHARE * share_s / real_s)) if last_round else 0
     real = real if real >= 2 else 0
     planned = min(MOST_PLANNED, candidates, int((share_s - real * real_s) / one_s))
     planned = planned if planned >= 2 else 0
-    searched_s = (planned * SEARCH_S + real * REAL_SEARCH_S) * lanes
+    searched_s = planned * _search_s(1, lanes) + real * _search_s(2, lanes)
     spare_s = share_s - planned * one_s - real * real_s
     effort = min(MOST_EFFORT, 1.0 + max(spare_s, 0.0) / searched_s) if searched_s > 0 else 1.0
     return planned, real if planned == 0 else min(real, planned), effort

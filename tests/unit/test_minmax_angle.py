@@ -214,9 +214,9 @@ def test_what_ranking_is_counted_for_is_no_more_than_its_share() -> None:
     for lanes in (10, 100, 300, 700, 2000):
         for share in (0.01, 0.1, 1.5, 2.5, 30.0):
             planned, real, effort = angle._affordable(share, lanes, 20, last_round=True)
-            searched = effort * lanes * (planned * angle.SEARCH_S + real * angle.REAL_SEARCH_S)
-            made = planned * angle._MADE_S[1](lanes) + real * angle._MADE_S[2](lanes)
-            assert searched + made <= share * (1 + 1e-9)
+            searched = planned * angle._search_s(1, lanes) + real * angle._search_s(2, lanes)
+            made = planned * angle._made_s(1, lanes) + real * angle._made_s(2, lanes)
+            assert effort * searched + made <= share * (1 + 1e-9)
 
 
 def test_no_budget_is_spent_where_none_is_given() -> None:
