@@ -171,13 +171,19 @@ class Uncovered:
         middle_x = legs_m[lane].mean(axis=1)[:, 0]
         strip_of = np.searchsorted(self._borders, middle_x, side="right") - 1
         strip_of = np.clip(strip_of, 0, len(self._strips) - 1)
-        order = np.argsort(strip_of, kind="stable")
-        first = np.searchsorted(strip_of[order], np.arange(len(self._strips) + 1))
-        rest = self._strips.copy()
+        # each part of a strip with the rectangles that touch it alone: strips grow long with lanes
+        parts, part_strip = shapely.get_parts(self._strips, return_index=True)
+        part_index, quad_index = shapely.STRtree(quads).query(parts)
+        own = part_strip[part_index] == strip_of[quad_index]
+        part_index, quad_index = part_index[own], quad_index[own]
+        order = np.lexsort((quad_index, part_index))
+        part_index, quad_index = part_index[order], quad_index[order]
+        first = np.searchsorted(part_index, np.arange(len(parts) + 1))
+        rest = parts.copy()
         turn = 0
         alive = np.flatnonzero(np.diff(first) > 0)
         while len(alive):
-            rest[alive] = shapely.difference(rest[alive], quads[order[first[alive] + turn]])
+            rest[alive] = shapely.difference(rest[alive], quads[quad_index[first[alive] + turn]])
             turn += 1
             alive = alive[first[alive] + turn < first[alive + 1]]
         return np.array(_polygons(rest), dtype=object)
