@@ -134,11 +134,13 @@ class Harbour:
         """
         if len(a_m) == 0:
             return []
-        out = []
-        ways = self.router.paths(self._outside(a_m), self._outside(b_m))
+        # from a place to itself there is no way to the rim of a disc and back
+        out = [np.array([a, b]) for a, b in zip(a_m, b_m, strict=True)]
+        apart = np.flatnonzero(np.any(a_m != b_m, axis=1))
+        ways = self.router.paths(self._outside(a_m[apart]), self._outside(b_m[apart]))
         ways = straighten(ways, self.router.visible)
-        for a, b, path in zip(a_m, b_m, ways, strict=True):
-            out.append(_with_ends(a, path, b))
+        for i, path in zip(apart.tolist(), ways, strict=True):
+            out[i] = _with_ends(a_m[i], path, b_m[i])
         return out
 
     def home_paths(self, robots: Sequence[int], targets_m: FloatArray) -> list[FloatArray]:

@@ -139,3 +139,12 @@ def test_a_berth_on_the_shore() -> None:
     for way in ways:
         assert region.buffer(1e-6).covers(shapely.LineString(way))
     assert keeps_off(ways[0], np.array([[15.0, 50.0]]), harbour.radius_m[1:2]).all()
+
+
+def test_a_place_in_a_disc_needs_no_way_to_itself() -> None:
+    berths = np.array([[0.0, 0.0], [30.0, 0.0]])
+    harbour = Harbour(shapely.box(-100, -100, 100, 100), berths)
+    assert harbour.radius_m[1] > 1.0
+    inside = berths[1:] + 0.5
+    (way,) = harbour.paths(inside, inside)
+    assert way.tolist() == np.concatenate([inside, inside]).tolist()
