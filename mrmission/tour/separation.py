@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
+from itertools import combinations, pairwise
 
 import numpy as np
 from numba import njit
@@ -131,16 +131,45 @@ class Separation:
 
 
 def timeline(path: CoveragePath, time: TimeModel, pause_s: float = 0.0) -> Timeline:
-    """Return when a robot passes the points of its path, with a pause when it is home in between.
+    """Return when a robot passes the points of its path.
 
-    What the whole path takes beyond length over speed is spent at its corners, more at a sharper
-    one: the robot leaves its point later than it came, so the point is there twice.
+    Parameters
+    ----------
+    path
+        From home to home; where it is home in between, another trip begins.
+    time
+        How long the robot takes for a trip, setting off and stopping included.
+    pause_s
+        How long it stays at home between two trips.
     """
     points = path.points_m
     if len(points) < 2:
         return Timeline(robot=path.robot, time_s=np.zeros(len(points)), points_m=points)
-    legs = time.legs_s(points, path.kind)
-    total_s = time.duration_s(points, path.kind)
+    at_home = np.flatnonzero((points[1:-1] == points[0]).all(axis=1)) + 1
+    borders = [0, *at_home.tolist(), len(points) - 1]
+    when, where = [], []
+    start_s = 0.0
+    for first, last in pairwise(borders):
+        legs = slice(first, last)
+        time_s, places = _trip_times(points[first : last + 1], path.kind[legs], time)
+        when.append(start_s + time_s)
+        where.append(places)
+        start_s += float(time_s[-1]) + pause_s
+    time_s = np.concatenate(when)
+    keep = np.append(True, np.diff(time_s) > 0)
+    return Timeline(robot=path.robot, time_s=time_s[keep], points_m=np.concatenate(where)[keep])
+
+
+def _trip_times(
+    points: FloatArray, kind: np.ndarray, time: TimeModel
+) -> tuple[FloatArray, FloatArray]:
+    """Return when a robot is where on a trip: (m,) seconds, (m, 2) places.
+
+    What the whole trip takes beyond length over speed is spent at its corners, more at a sharper
+    one: the robot leaves its point later than it came, so the point is there twice.
+    """
+    legs = time.legs_s(points, kind)
+    total_s = time.duration_s(points, kind)
     way = np.diff(points, axis=0)
     course = np.arctan2(way[:, 1], way[:, 0])
     turn = np.append(np.abs((np.diff(course) + np.pi) % (2 * np.pi) - np.pi), 0.0)
@@ -148,13 +177,11 @@ def timeline(path: CoveragePath, time: TimeModel, pause_s: float = 0.0) -> Timel
     if extra_s < 0 or turn.sum() == 0:
         legs, extra_s = legs * (total_s / legs.sum()), 0.0
     corners = extra_s * turn / turn.sum() if extra_s > 0 else np.zeros(len(legs))
-    at_home = (points[1:-1] == points[0]).all(axis=1)
-    corners[:-1] += np.where(at_home, pause_s, 0.0)
     arrive = np.cumsum(legs) + np.append(0.0, np.cumsum(corners)[:-1])
     when = np.concatenate([[0.0], np.column_stack([arrive, arrive + corners]).ravel()])
     where = np.concatenate([points[:1], np.repeat(points[1:], 2, axis=0)])
     keep = np.append(True, np.diff(when) > 0)
-    return Timeline(robot=path.robot, time_s=when[keep], points_m=where[keep])
+    return when[keep], where[keep]
 
 
 def reversed_path(path: CoveragePath) -> CoveragePath:

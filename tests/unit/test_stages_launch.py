@@ -28,8 +28,9 @@ from mrmission.report.map_data import map_data
 from mrmission.report.metrics import report_text
 from mrmission.report.units import fleet_figures
 from mrmission.stages.launch import conflict_text, launch_notes, waiting
+from mrmission.tour import separation
 from mrmission.tour.flight import time_model
-from mrmission.tour.separation import SeparationRules, measure, timeline
+from mrmission.tour.separation import Separation, SeparationRules, Timeline, measure, timeline
 
 WATER = shapely.Polygon([(11.2, 47.8), (11.205, 47.8), (11.205, 47.8025), (11.2, 47.8025)])
 AREA = SurveyArea(name="pond", source="pond", water_lonlat=shapely.MultiPolygon([WATER]))
@@ -87,6 +88,26 @@ def test_what_is_reported_is_what_the_final_paths_do(planned: FleetPlan) -> None
         place = frame.to_metric(np.array([conflict.lonlat]))[0]
         assert np.allclose(place, other.place_m, atol=1e-3)
         assert 0 <= conflict.from_s <= conflict.to_s <= 1.1 * planned.report.makespan_s
+
+
+def test_later_trips_begin_when_the_swap_is_done(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The times by which robots are kept apart are those that the report tells of each trip."""
+    looked_at: list[Timeline] = []
+
+    def seen(lines: list[Timeline], *rest: object) -> Separation:
+        looked_at.extend(lines)
+        return measure(lines, *rest)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(separation, "measure", seen)
+    wanted = options(robots=2, endurance_s=420.0, swap_time_s=600.0)
+    made = plan(AREA, wanted)
+    assert [line.robot for line in looked_at] == [1, 2]
+    for line, row in zip(looked_at, made.report.robots, strict=True):
+        assert len(row.sorties) > 1
+        home = (line.points_m == line.points_m[0]).all(axis=1)
+        leaves_s = line.time_s[:-1][home[:-1] & ~home[1:]]
+        assert leaves_s == pytest.approx([trip.start_s for trip in row.sorties])
+        assert line.duration_s == pytest.approx(row.duration_s)
 
 
 def test_missions_wait_at_home_as_long_as_was_said(planned: FleetPlan) -> None:

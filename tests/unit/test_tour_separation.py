@@ -381,7 +381,8 @@ def test_a_timeline_takes_the_predicted_time_and_turns_at_its_corners() -> None:
     assert rested.duration_s == pytest.approx(restless.duration_s + 90.0)
     home = np.flatnonzero((rested.points_m == points[0]).all(axis=1))
     assert len(home) == 4  # start, arrival and departure in between, end
-    assert rested.time_s[home[2]] - rested.time_s[home[1]] >= 90.0
+    trip_s = model.duration_s(points, path.kind)  # of setting off and stopping each time, too
+    assert rested.time_s[home[1:]] == pytest.approx([trip_s, trip_s + 90.0, 2 * trip_s + 90.0])
     still = CoveragePath(robot=1, points_m=points[:1], kind=kind[:0], lane=kind[:0])
     assert timeline(still, model).duration_s == 0
     assert course_of(timeline(still, model)) is None
