@@ -10,7 +10,7 @@ from mrmission.minmax.bound import LanesBound, lanes_bound, many_lanes_bound
 from mrmission.minmax.costs import speed_scales
 from mrmission.minmax.cut import cut_lines, swept_in_one_go
 from mrmission.minmax.hooks import Hooks, find_hooks, no_hooks
-from mrmission.minmax.problem import LaneProblem, SparseWays
+from mrmission.minmax.problem import LaneProblem, LaneTours, SparseWays, tour_cost
 from mrmission.minmax.runs import part_costs, priced
 from mrmission.minmax.sparse_costs import SparseCosts, sparse_line_costs
 from mrmission.minmax.travel import DENSE_ENDS
@@ -25,6 +25,10 @@ from mrmission.tour.work import PartTours, PartWork
 BUDGET_PER_LINE_S = 0.03
 """Of the time budget at most so much is spent for each line: few lines are soon as good as can
 be."""
+ROUNDS = 2
+ROUND_SHARE = 0.15
+"""So often, and with that share of the budget each time, tours are made even as their paths are
+laid."""
 
 
 def lane_tours(work: PartWork) -> PartTours:
@@ -42,10 +46,8 @@ def lane_tours(work: PartWork) -> PartTours:
     line_of = np.concatenate([pieces.line_of, len(work.lines) + own])
     problem = weighted(problem, work.weights)
     budget_s = min(work.options.time_budget_s, BUDGET_PER_LINE_S * len(lines))
-    tours = minmax(problem, budget_s, work.options.seed)
-    paths = tour_paths(
-        work.harbour, lines, hooks, tours.entries, lanes_alone=work.options.lanes_alone_count
-    )
+    tours = minmax(problem, (1.0 - ROUNDS * ROUND_SHARE) * budget_s, work.options.seed)
+    tours, paths = _evened_out(problem, tours, lines, hooks, work, ROUND_SHARE * budget_s)
     if least is not None and least.end_cost is not None:
         least = swept_in_one_go(least, tours, line_of)
     bound = _bound(least, beyond, work)
@@ -55,6 +57,49 @@ def lane_tours(work: PartWork) -> PartTours:
         lanes_bound_s=bound.makespan_s if bound else None,
         lanes_bound_name=bound.term if bound else "",
     )
+
+
+def _evened_out(
+    problem: LaneProblem,
+    tours: LaneTours,
+    lines: tuple[SurveyLine, ...],
+    hooks: Hooks,
+    work: PartWork,
+    budget_s: float,
+) -> tuple[LaneTours, tuple[CoveragePath, ...]]:
+    """Return tours whose paths, as they are laid, end at nearly the same time.
+
+    A path takes longer than its tour was priced at where short legs follow on each other, and where
+    ways are far or bent. What a robot's path took more, the next search adds to its tour.
+    """
+    from mrmission.minmax.search import minmax
+
+    weights = work.weights
+
+    def laid(tours: LaneTours) -> tuple[tuple[CoveragePath, ...], FloatArray]:
+        paths = tour_paths(
+            work.harbour, lines, hooks, tours.entries, lanes_alone=work.options.lanes_alone_count
+        )
+        seconds = [
+            time.duration_s(path.points_m, path.kind)
+            for path, time in zip(paths, work.times, strict=True)
+        ]
+        return paths, np.array(seconds)
+
+    paths, took_s = laid(tours)
+    if weights is not None or budget_s <= 0 or len(paths) < 2:
+        return tours, paths
+    best, best_paths, best_s = tours, paths, float(took_s.max())
+    for _ in range(ROUNDS):
+        more_s = took_s - np.array([tour_cost(problem, r, e) for r, e in enumerate(tours.entries)])
+        handicap = replace(
+            problem, home_cost=np.maximum(problem.home_cost + 0.5 * more_s[:, None], 0.0)
+        )
+        tours = minmax(handicap, budget_s, work.options.seed, tours)
+        paths, took_s = laid(tours)
+        if took_s.max() < best_s:
+            best, best_paths, best_s = tours, paths, float(took_s.max())
+    return best, best_paths
 
 
 def _problems(

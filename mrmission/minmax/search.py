@@ -29,12 +29,19 @@ FIRST_POWER, LAST_POWER = 6.0, 160.0
 FIRST_HEAT = 5.0
 LAST_HEAT = 0.02
 """At first, and at last, a tour grows by so many ways to a nearest end in one move of three."""
+AGAIN_POWER, AGAIN_HEAT = 40.0, 0.3
+"""What a search begins with that goes on from tours of an earlier one."""
 LOOK_STEPS, FEW_LINES = 1024, 200
 """So many steps at least lie between looks at whether the tours are the best so far; few lines are
 looked at whenever they change."""
 
 
-def minmax(problem: LaneProblem, time_budget_s: float = 5.0, seed: int = 0) -> LaneTours:
+def minmax(
+    problem: LaneProblem,
+    time_budget_s: float = 5.0,
+    seed: int = 0,
+    start: LaneTours | None = None,
+) -> LaneTours:
     """Share lines among the robots so that the costliest tour costs little.
 
     Parameters
@@ -45,18 +52,34 @@ def minmax(problem: LaneProblem, time_budget_s: float = 5.0, seed: int = 0) -> L
         How long to search, in units of :data:`STEPS_PER_SECOND` steps; 0 gives the split tour.
     seed
         Of the search's own generator: same problem, budget and seed, same tours.
+    start
+        Tours to go on from, with small steps; None begins anew.
     """
     lanes, robots = len(problem.lane_cost), problem.robots
-    routes, sizes = split_tour(problem, giant_tour(problem))
+    if start is None:
+        routes, sizes = split_tour(problem, giant_tour(problem))
+    else:
+        routes, sizes = _filled_up(start, lanes)
     cost = np.array(
         [tour_cost(problem, r, routes[r, : sizes[r]]) for r in range(robots)], dtype=np.float64
     )
     steps = int(time_budget_s * STEPS_PER_SECOND)
     if steps > 0 and lanes > 1:
-        cost = _search(problem, routes, sizes, cost, steps, seed)
+        first = (FIRST_POWER, FIRST_HEAT) if start is None else (AGAIN_POWER, AGAIN_HEAT)
+        cost = _search(problem, routes, sizes, cost, steps, seed, first)
     return LaneTours(
         entries=tuple(routes[r, : sizes[r]].astype(np.int64) for r in range(robots)), cost=cost
     )
+
+
+def _filled_up(
+    tours: LaneTours, lanes: int
+) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
+    """Return tours as the search keeps them: see :func:`~mrmission.minmax.split.split_tour`."""
+    routes = np.zeros((len(tours.entries), lanes), dtype=np.int32)
+    for r, mine in enumerate(tours.entries):
+        routes[r, : len(mine)] = mine
+    return routes, np.array([len(mine) for mine in tours.entries], dtype=np.int32)
 
 
 def _search(
@@ -66,6 +89,7 @@ def _search(
     cost: npt.NDArray[np.float64],
     steps: int,
     seed: int,
+    first: tuple[float, float],
 ) -> npt.NDArray[np.float64]:
     """Improve the routes in place; return their costs."""
     sweep, travel = problem.scales()
@@ -93,6 +117,7 @@ def _search(
         near,
         steps,
         state,
+        *first,
     )
     return out
 
@@ -215,6 +240,8 @@ def _anneal(  # type: ignore[no-untyped-def]
     near,
     steps,
     state,
+    first_power,
+    first_heat,
 ):
     """Improve the routes in place; return their costs. See the module for the moves."""
     robots, lanes = routes.shape
@@ -253,7 +280,7 @@ def _anneal(  # type: ignore[no-untyped-def]
     scratch_b = np.zeros(lanes, np.int32)
     top = np.argmax(cost)
     x = state[0]
-    power = FIRST_POWER
+    power = first_power
     heat = 0.0
     reference = cost.max()
     unit, ways = 0.0, 0  # a usual way to a near end; the pieces of a cut line have none
@@ -271,8 +298,8 @@ def _anneal(  # type: ignore[no-untyped-def]
             done = step / steps
             top = np.argmax(cost)
             reference = cost[top]
-            power = FIRST_POWER * (LAST_POWER / FIRST_POWER) ** done
-            heat = FIRST_HEAT * (LAST_HEAT / FIRST_HEAT) ** done * unit * power / reference
+            power = first_power * (LAST_POWER / first_power) ** done
+            heat = first_heat * (LAST_HEAT / first_heat) ** done * unit * power / reference
         x = _next_random(x)
         random = np.int64(x >> np.uint64(2))
         # the end e of a line is to be joined to a near end f of another

@@ -13,6 +13,7 @@ from mrmission.minmax import planner
 from mrmission.minmax.costs import line_costs
 from mrmission.minmax.hooks import find_hooks
 from mrmission.minmax.search import minmax, tour_cost
+from mrmission.model import FloatArray
 from mrmission.options import PlanOptions
 from mrmission.routing.harbour import Harbour
 from mrmission.tour.coverage import Uncovered
@@ -20,6 +21,7 @@ from mrmission.tour.flight import time_model
 from mrmission.tour.lines import lane_lines
 from mrmission.tour.repair import fleet_legs, pieces_to_repair, total_area
 from mrmission.tour.sweep import sweep_region
+from mrmission.tour.timing import TimeModel
 from mrmission.tour.work import PartWork
 
 
@@ -136,3 +138,29 @@ def test_a_slower_robot_gets_less() -> None:
     metres = [float(np.hypot(*np.diff(p.points_m, axis=0).T).sum()) for p in paths]
     assert max(seconds) < 1.15 * min(seconds)
     assert metres[1] < 0.7 * metres[0]
+
+
+class _Late(TimeModel):
+    """A robot whose paths take longer than anybody priced."""
+
+    LATE_S = 200.0
+
+    def duration_s(self, points_m: FloatArray, kind: np.ndarray) -> float:
+        return super().duration_s(points_m, kind) + self.LATE_S
+
+
+def test_what_a_path_takes_more_than_it_was_priced_at_is_shared_out() -> None:
+    work = replace(_work(3), options=replace(_work(3).options, time_budget_s=1.0))
+    time = work.times[0]
+    late = _Late(
+        survey_speed_m_s=time.survey_speed_m_s, transit_speed_m_s=time.transit_speed_m_s,
+        steering=time.steering, radius_m=time.radius_m, swath_m=time.swath_m,
+    )  # fmt: skip
+
+    def took_s(times: tuple[TimeModel, ...]) -> list[float]:
+        paths = planner.lane_tours(replace(work, times=times)).paths
+        return [t.duration_s(p.points_m, p.kind) for p, t in zip(paths, times, strict=True)]
+
+    plain, others = took_s(work.times), took_s((late, *work.times[1:]))
+    assert max(others) - max(plain) < 0.75 * late.LATE_S  # all bear it, not the first alone
+    assert max(others) - min(others) < 0.4 * late.LATE_S

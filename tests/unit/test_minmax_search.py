@@ -127,3 +127,14 @@ def test_robots_of_different_speed_share_by_speed(seed: int) -> None:
     swept = [plain.lane_cost[entries >> 1].sum() for entries in tours.entries]
     assert swept[0] > swept[1]
     assert tours.cost.max() < 1.1 * tours.cost.mean()
+
+
+def test_a_search_goes_on_from_tours_and_never_to_worse_ones() -> None:
+    problem = _problem(40, 3, 5)
+    first = minmax(problem, 0.05, 0)
+    more = minmax(problem, 0.05, 1, first)
+    assert more.cost.max() <= first.cost.max() + 1e-9
+    assert sorted(int(e) >> 1 for mine in more.entries for e in mine) == list(range(40))
+    same = minmax(problem, 0.0, 1, first)
+    assert [e.tolist() for e in same.entries] == [e.tolist() for e in first.entries]
+    assert same.cost == pytest.approx(first.cost)
