@@ -31,6 +31,10 @@ MARGIN = 0.995
 """Where covering the rest made a trip too long, the next is planned a little shorter than it must
 be."""
 
+ITEMS_ROOM = 0.95
+"""Tours of more items than memory holds are cut into trips that fill it so far: covering the rest
+takes some, and looking at everything once more is dear."""
+
 
 def export_in_sorties(
     whole: PartPlan, frame: LocalFrame, planner: Planner | None
@@ -63,8 +67,9 @@ def export_in_sorties(
     """
     sorties = Sorties(whole, planner)
     try:
-        allowed = [1.0] * len(whole.work.robots)
-        part = whole if max(sorties.base.planned(whole)) <= 1.0 else sorties.trips(allowed)
+        planned = sorties.base.planned(whole)
+        allowed = sorties.first_room(planned)
+        part = whole if max(planned) <= 1.0 else sorties.trips(allowed)
         for attempt in range(ROUNDS):
             routes, coverage = export_part(part, frame)
             measured = sorties.base.measured(part, routes)
@@ -105,6 +110,10 @@ class Sorties:
     def _endless(self) -> bool:
         """Return whether no battery binds: then trips are not searched for."""
         return all(gauge.allowance.endless for gauge in self.base.gauges)
+
+    def first_room(self, planned: Sequence[float]) -> list[float]:
+        """Return how far trips may be filled at first, by what each whole tour uses."""
+        return [ITEMS_ROOM if self._endless and share > 1.0 else 1.0 for share in planned]
 
     def room(
         self, part: PartPlan, planned: Sequence[float], measured: Sequence[float]
