@@ -4,8 +4,8 @@ How long all lanes are together says little of how long the last robot takes: wi
 counts how the lanes lie to the way home, and what they leave uncovered along the shore may cost
 more than the turns. So candidates are ranked in rounds. The first looks at lanes, turns and slivers
 alone (:mod:`mrmission.minmax.slivers`). The best of it are planned, shortly, with lanes, in-water
-ways and the slivers that turns leave; the best of those with all that the plan itself will know:
-cut lanes, hooks, corners.
+ways and the slivers that turns leave; the best by either round with all that the plan itself will
+know: cut lanes, hooks, corners.
 
 The rounds take a share of the time budget, counted in steps of the search and in lanes and not by a
 clock: the same options give the same bearing on any machine.
@@ -46,9 +46,9 @@ WORSE = 1.1
 planned."""
 BUDGET_SHARE = 0.5
 """Share of the time budget that ranking takes at most."""
-REAL_SHARE = 0.75
+REAL_SHARE = 0.8
 """Share of that for the last round."""
-MATRIX_S, PIECES_S = 1e-7, 1e-3
+MATRIX_S, PIECES_S = 2e-7, 1e-3
 """Seconds of budget that stand for each pair of ends, and for hooks and corners of each lane, so
 that large areas try few candidates."""
 SEARCH_S, REAL_SEARCH_S = 1e-4, 1.5e-4
@@ -57,7 +57,7 @@ LEAST_SEARCH_S, LEAST_REAL_SEARCH_S = 0.02, 0.08
 """Seconds of search in either round at least: few lanes are cut into many pieces."""
 FEW_LANES = 33
 """Fewer lanes than so many get as much of the budget."""
-MOST_EFFORT = 4.0
+MOST_EFFORT = 2.0
 """Where there is budget for it, searches are up to so many times as long."""
 MISSED = 0.5
 """Share of the slivers that no turn covers, where the turns are not known."""
@@ -211,7 +211,7 @@ def choose_bearing(
     left_s = time_budget_s
 
     def next_round(number: int, count: int, problem_at: Callable[[int], LaneProblem]) -> None:
-        nonlocal left_s
+        nonlocal left_s, ranked
         search_s = effort * _search_s(number, lanes)
         cost = []
         for i in ranked[:count]:
@@ -221,13 +221,18 @@ def choose_bearing(
                 makespan_s = float("inf")
             cost.append(makespan_s)
             tried[i] = Tried(bearing_deg=bearings[i], round=number, makespan_s=cost[-1])
-        ranked[:] = [ranked[j] for j in np.argsort(cost, kind="stable")]
+        ranked = [ranked[j] for j in np.argsort(cost, kind="stable")]
         left_s -= count * (search_s + _made_s(number, lanes))
 
     if planned >= 2:
         next_round(1, planned, lambda i: views[i].problem(harbour, homes_m, time, spacing_m))
     if work_at is not None and real >= 2:
         make = work_at
+        # lanes and slivers alone are often right where short searches mislead: the best by either
+        by_rough = np.argsort(rough, kind="stable").tolist()
+        ranked = list(
+            dict.fromkeys(i for pair in zip(ranked, by_rough, strict=False) for i in pair)
+        )
         next_round(2, real, lambda i: _real_problem(make(bearings[i])))
     return BearingChoice(
         bearing_deg=bearings[ranked[0]], budget_left_s=max(left_s, 0.0), tried=tuple(tried)
@@ -264,7 +269,7 @@ def _affordable(
     searched_s = planned * _search_s(1, lanes) + real * _search_s(2, lanes)
     spare_s = share_s - planned * one_s - real * real_s
     effort = min(MOST_EFFORT, 1.0 + max(spare_s, 0.0) / searched_s) if searched_s > 0 else 1.0
-    return planned, real if planned == 0 else min(real, planned), effort
+    return planned, real, effort
 
 
 def _real_problem(work: PartWork) -> LaneProblem:
