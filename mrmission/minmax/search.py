@@ -29,7 +29,7 @@ FIRST_POWER, LAST_POWER = 6.0, 160.0
 FIRST_HEAT = 5.0
 LAST_HEAT = 0.02
 """At first, and at last, a tour grows by so many ways to a nearest end in one move of three."""
-AGAIN_POWER, AGAIN_HEAT = 40.0, 0.3
+AGAIN_POWER, AGAIN_HEAT = 40.0, 0.1
 """What a search begins with that goes on from tours of an earlier one."""
 LOOK_STEPS, FEW_LINES = 1024, 200
 """So many steps at least lie between looks at whether the tours are the best so far; few lines are
