@@ -163,21 +163,26 @@ class Harbour:
             exits = self._disc_corners(robot)
             way = self.distances(exits, targets_m[beyond]) + np.hypot(*(exits - home).T)[:, None]
             paths = self.paths(exits[np.argmin(way, axis=0)], targets_m[beyond])
-            for i, path in zip(beyond, paths, strict=True):
-                out[i] = self._leave_straight(robot, home, path)
+            out.update(zip(beyond, self._leave_straight(robot, home, paths), strict=True))
         return [out[i] for i in range(len(robots))]
 
-    def _leave_straight(self, robot: int, home: FloatArray, path: FloatArray) -> FloatArray:
-        """Drop path points that the berth sees over the rim of its own disc."""
-        for j in range(len(path) - 1, 0, -1):
-            step = path[j] - home
-            reach = float(np.hypot(*step))
-            if reach <= self.radius_m[robot]:
-                continue
-            rim = home + step * (self.radius_m[robot] * 1.001 / reach)
-            if bool(self.router.visible(rim[None], path[j][None])[0]):
-                return np.vstack([home, path[j:]])
-        return np.vstack([home, path])
+    def _leave_straight(
+        self, robot: int, home: FloatArray, paths: Sequence[FloatArray]
+    ) -> list[FloatArray]:
+        """Drop the points of paths that the berth sees over the rim of its own disc."""
+        start = np.concatenate([[0], np.cumsum([len(path) for path in paths])])
+        points = np.concatenate(paths)
+        step = points - home
+        reach = np.hypot(step[:, 0], step[:, 1])
+        seen = reach > self.radius_m[robot]
+        seen[start[:-1]] = False  # where the path leaves the disc
+        rim = home + step[seen] * (self.radius_m[robot] * 1.001 / reach[seen])[:, None]
+        seen[seen] = self.router.visible(rim, points[seen])
+        out = []
+        for path, a, b in zip(paths, start[:-1], start[1:], strict=True):
+            last = np.flatnonzero(seen[a:b])[-1:]
+            out.append(np.vstack([home, path[last[0] :] if len(last) else path]))
+        return out
 
 
 def _with_ends(a: FloatArray, path: FloatArray, b: FloatArray) -> FloatArray:
