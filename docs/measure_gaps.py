@@ -2,6 +2,7 @@
 
     python docs/measure_gaps.py AREAS... --random-maps 40 --out gaps.jsonl --judge score_missions.py
     python docs/measure_gaps.py --out gaps.jsonl --table
+    python docs/measure_gaps.py --out gaps.jsonl --figure docs/figures/methods.svg
 
 Areas are planned at a swath of the longest side of their bounding box over 150, overlap 0,
 clearance 0, from the middle of the largest part; random maps are those of
@@ -112,6 +113,49 @@ def _median_of_seeds(rows: list[dict[str, Any]], key: str) -> dict[str, float]:
     return {area: float(np.median(values)) for area, values in by_area.items()}
 
 
+def _ratios(rows: list[dict[str, Any]], method: str, k: int) -> list[float]:
+    """Return another method's makespans over the lane planner's, by area."""
+    of_k = [r for r in rows if r["k"] == k and "error" not in r]
+    ours = _median_of_seeds([r for r in of_k if r["method"] == "minmax"], "makespan_s")
+    theirs = _median_of_seeds([r for r in of_k if r["method"] == method], "makespan_s")
+    return [theirs[a] / ours[a] for a in sorted(theirs) if a in ours]
+
+
+def figure(rows: list[dict[str, Any]], path: Path) -> None:
+    """Draw the ratios of makespans by k."""
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    mpl.rcParams["svg.hashsalt"] = "gaps"
+    import matplotlib.pyplot as plt
+
+    kinds = {
+        "areas": [r for r in rows if not r["area"].startswith("map:")],
+        "random maps": [r for r in rows if r["area"].startswith("map:")],
+    }
+    kinds = {name: mine for name, mine in kinds.items() if len({r["method"] for r in mine}) > 1}
+    fig, axes = plt.subplots(1, len(kinds), figsize=(5 * len(kinds), 4), squeeze=False)
+    for ax, (name, mine) in zip(axes[0], kinds.items(), strict=True):
+        count = len({r["area"] for r in mine if r["method"] != "minmax"})
+        for marker, method in zip("osd^", [m for m in METHODS if m != "minmax"], strict=True):
+            robots = [k for k in sorted({r["k"] for r in mine}) if _ratios(mine, method, k)]
+            mean = [float(np.exp(np.mean(np.log(_ratios(mine, method, k))))) for k in robots]
+            ax.plot(robots, mean, marker=marker, label=method.upper())
+        ax.axhline(1.0, color="black", linewidth=0.8)
+        ax.set_xscale("log", base=2)
+        ax.set_yscale("log")
+        ticks = sorted({r["k"] for r in mine})
+        ax.set_xticks(ticks, [str(k) for k in ticks])
+        ax.set_yticks([1, 2, 3, 5, 10], ["1", "2", "3", "5", "10"])
+        ax.minorticks_off()
+        ax.set_xlabel("robots k")
+        ax.set_ylabel("makespan / makespan of minmax")
+        ax.set_title(f"{count} {name}, geometric mean")
+        ax.legend()
+    fig.tight_layout()
+    fig.savefig(path, metadata={"Date": None} if path.suffix == ".svg" else None)
+
+
 def table(rows: list[dict[str, Any]]) -> str:
     """Return gaps of the lane planner by k, and ratios of makespans by method, as Markdown."""
     rows = [r for r in rows if "error" not in r]
@@ -154,15 +198,9 @@ def table(rows: list[dict[str, Any]]) -> str:
                 "| ---: |" + " ---: |" * len(others),
             ]
         for k in robots if others else ():
-            best = _median_of_seeds([r for r in ours if r["k"] == k], "makespan_s")
             cells = []
             for method in others:
-                theirs = {
-                    r["area"]: r["makespan_s"]
-                    for r in mine
-                    if r["k"] == k and r["method"] == method
-                }
-                ratio = [theirs[a] / best[a] for a in sorted(theirs) if a in best]
+                ratio = _ratios(mine, method, k)
                 mean = float(np.exp(np.mean(np.log(ratio)))) if ratio else float("nan")
                 cells.append(f"{mean:.2f} ({min(ratio):.2f}-{max(ratio):.2f})" if ratio else "")
             lines.append(f"| {k} | " + " | ".join(cells) + " |")
@@ -194,12 +232,16 @@ def main() -> None:
     parser.add_argument("--budget", type=float, default=3.0)
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--table", action="store_true")
+    parser.add_argument("--figure", type=Path)
     args = parser.parse_args()
     done = []
     if args.out.exists():
         done = [json.loads(line) for line in args.out.read_text().splitlines()]
     if args.table:
         sys.stdout.write(table(done))
+    if args.figure:
+        figure(done, args.figure)
+    if args.table or args.figure:
         return
     seen = {tuple(row[key] for key in KEYS) for row in done}
     areas = args.areas + [f"map:{i}" for i in range(args.random_maps)]
