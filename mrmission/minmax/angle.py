@@ -39,7 +39,7 @@ SNAP_DEG = 0.05
 """A candidate so near to a direction of the shore, or else to a whole degree, is moved there."""
 WHOLE_DEG = 0.005
 """So near to a whole degree a direction of the shore is taken for it: 3 cm in 400 m."""
-MOST_PLANNED, MOST_REAL = 8, 4
+MOST_PLANNED, MOST_REAL = 8, 3
 """At most so many candidates are planned, and so many with all that the plan will know."""
 WORSE = 1.1
 """Candidates whose lanes, turns and slivers cost more than this many times the least are not
