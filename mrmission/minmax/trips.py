@@ -22,11 +22,12 @@ import numpy as np
 
 from mrmission.errors import InfeasibleError
 from mrmission.minmax.problem import LaneProblem
-from mrmission.mission.items import count_items
+from mrmission.mission.items import KindArray, count_items
 from mrmission.model import CoveragePath, FloatArray, LegKind
 from mrmission.options import PlanOptions
 from mrmission.tour.path import join_pieces
 from mrmission.tour.timing import TimeModel
+from mrmission.tour.work import LineToll
 
 MOST_PIECES = 256
 """A stretch is cut into no more pieces than this."""
@@ -38,6 +39,8 @@ BORDERS = 128
 """Where items alone bind and a tour has twice as many stretches as this, about so many of the
 places between them are looked at for borders of trips: each needs the ways home from there."""
 _BISECTIONS = 14
+STRAIGHT = 1e-6
+"""Sine of the angle from which on the next leg does not go straight on."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,7 +105,7 @@ class Gauge:
         if math.isfinite(self.allowance.metres):
             out = max(out, _length_m(path.points_m) / self.allowance.metres)
         if math.isfinite(self.allowance.items):
-            out = max(out, count_items(path.kind, self.options) / self.allowance.items)
+            out = max(out, count_items(_turning(path), self.options) / self.allowance.items)
         return out
 
 
@@ -409,11 +412,22 @@ class TooFarError(InfeasibleError):
         )
 
 
+def _turning(path: CoveragePath) -> KindArray:
+    """Return the kinds of a path's legs, those that go straight on left out: they are one item."""
+    leg = np.diff(path.points_m, axis=0)
+    length = np.hypot(leg[:, 0], leg[:, 1])
+    cross = leg[:-1, 0] * leg[1:, 1] - leg[:-1, 1] * leg[1:, 0]
+    straight = np.abs(cross) < STRAIGHT * length[:-1] * length[1:]
+    straight &= (leg[:-1] * leg[1:]).sum(axis=1) > 0
+    straight &= path.kind[:-1] == path.kind[1:]
+    return np.asarray(path.kind)[np.append(~straight, True)[-len(path.kind) :]]
+
+
 def _length_m(points_m: FloatArray) -> float:
     return float(np.hypot(*np.diff(points_m, axis=0).T).sum()) if len(points_m) > 1 else 0.0
 
 
-def weighted(problem: LaneProblem, weights: FloatArray | None) -> LaneProblem:
+def weighted(problem: LaneProblem, weights: FloatArray | LineToll | None) -> LaneProblem:
     """Return a problem in which the seconds of each robot count by a weight.
 
     Trips that may be of different lengths are compared so: by the share of each that is used.
@@ -423,10 +437,12 @@ def weighted(problem: LaneProblem, weights: FloatArray | None) -> LaneProblem:
     problem
         With one robot for each trip.
     weights : (robots, 2) array
-        Of sweeping and of travel; None where all count alike.
+        Of sweeping and of travel; None where all count alike. Or what each line counts beside.
     """
     if weights is None:
         return problem
+    if isinstance(weights, LineToll):
+        return replace(problem, lane_cost=problem.lane_cost + weights.seconds)
     ones = np.ones(len(weights))
     sweep = ones if problem.sweep_scale is None else problem.sweep_scale
     travel = ones if problem.travel_scale is None else problem.travel_scale

@@ -16,6 +16,7 @@ from mrmission.minmax.trips import TooFarError
 from mrmission.mission.build import Route
 from mrmission.model import CoveragePath
 from mrmission.stages.export import Coverage, export_part
+from mrmission.stages.item_shares import items_shared_out
 from mrmission.stages.too_far import explain_too_far
 from mrmission.stages.trip_search import Planner, TripSearch
 from mrmission.stages.trip_work import TripWork
@@ -69,7 +70,9 @@ def export_in_sorties(
     try:
         planned = sorties.base.planned(whole)
         allowed = sorties.first_room(planned)
-        part = whole if max(planned) <= 1.0 else sorties.trips(allowed)
+        part = whole
+        if max(planned) > 1.0:
+            part = sorties.shared_out(ITEMS_ROOM) or sorties.trips(allowed)
         for attempt in range(ROUNDS):
             routes, coverage = export_part(part, frame)
             measured = sorties.base.measured(part, routes)
@@ -77,7 +80,10 @@ def export_in_sorties(
                 return part, routes, coverage
             planned = sorties.base.planned(part)
             room = sorties.room(part, planned, measured)
-            if attempt < ANEW_ROUNDS and min(room) >= LEAST_ROOM:
+            shared = sorties.shared_out(min(ITEMS_ROOM, *room)) if part is whole else None
+            if shared is not None:
+                part = shared
+            elif attempt < ANEW_ROUNDS and min(room) >= LEAST_ROOM:
                 # What covers the rest came on top: leave room for it, and plan all trips anew.
                 allowed = [min(a, r) for a, r in zip(allowed, room, strict=True)]
                 part = sorties.trips(allowed)
@@ -110,6 +116,23 @@ class Sorties:
     def _endless(self) -> bool:
         """Return whether no battery binds: then trips are not searched for."""
         return all(gauge.allowance.endless for gauge in self.base.gauges)
+
+    def shared_out(self, room: float) -> PartPlan | None:
+        """Return the part with the items of its tours shared out, where that does instead of trips.
+
+        From then on these tours are the ones that are cut.
+
+        Parameters
+        ----------
+        room
+            How far memories may be filled.
+        """
+        if self._planner is None:
+            return None
+        found = items_shared_out(self.base, self._planner, room)
+        if found is not None:
+            self.base = TripWork(found)
+        return found
 
     def first_room(self, planned: Sequence[float]) -> list[float]:
         """Return how far trips may be filled at first, by what each whole tour uses."""

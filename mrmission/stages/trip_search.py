@@ -61,14 +61,14 @@ class TripSearch:
             if not self._may_hold(counts, allowed, lines):
                 continue
             found = self._searched(counts, lines, QUICK_SHARE)
-            if self._endurance_used(found) > HOPE * allowed:
+            if self._base.endurance_used(found) > HOPE * allowed:
                 continue
             if QUICK_SHARE * self._base.work.options.time_budget_s > 0:
                 found = self._searched(counts, lines, 1.0)
-            if self._endurance_used(found) <= allowed:
+            if self._base.endurance_used(found) <= allowed:
                 if cut is None or sum(counts) < len(cut.work.robots):
                     return found
-                return min((found, cut), key=self._makespan_s)
+                return min((found, cut), key=self._base.makespan_s)
         if cut is None:
             raise PlanningError(
                 f"{MOST_TRIPS} trips do not hold the work: choose a larger --endurance"
@@ -128,23 +128,6 @@ class TripSearch:
             if len(path.kind) or not trips[row]:
                 trips[row] = [p for p in trips[row] if len(p.kind)] + [path]
         return self._base.plan_of(trips)
-
-    def _endurance_used(self, part: PartPlan) -> float:
-        """Return the largest share of its endurance that a trip uses; items are not counted."""
-        out = 0.0
-        for robot, path in zip(part.work.robots, part.tours.paths, strict=True):
-            gauge = self._base.gauges[self._base.row[robot]]
-            battery = replace(gauge.allowance, items=math.inf)
-            out = max(out, replace(gauge, allowance=battery).used(path))
-        return out
-
-    def _makespan_s(self, part: PartPlan) -> float:
-        busy = [-own.swap_time_s for own in self._base.own]
-        for robot, path in zip(part.work.robots, part.tours.paths, strict=True):
-            row = self._base.row[robot]
-            time = self._base.work.times[row]
-            busy[row] += time.duration_s(path.points_m, path.kind) + self._base.own[row].swap_time_s
-        return max(busy)
 
     def _may_hold(self, counts: Sequence[int], allowed: float, lines: Sequence[SurveyLine]) -> bool:
         """Return False where so many trips surely are too few."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -62,6 +63,24 @@ class TripWork:
     def busy_s(self, row: int, trips: int) -> float:
         """Return how long so many full trips of a robot take, s."""
         return trips * self.full_s(row) + (trips - 1) * self.own[row].swap_time_s
+
+    def endurance_used(self, part: PartPlan) -> float:
+        """Return the largest share of its endurance that a trip uses; items are not counted."""
+        out = 0.0
+        for robot, path in zip(part.work.robots, part.tours.paths, strict=True):
+            gauge = self.gauges[self.row[robot]]
+            battery = replace(gauge.allowance, items=math.inf)
+            out = max(out, replace(gauge, allowance=battery).used(path))
+        return out
+
+    def makespan_s(self, part: PartPlan) -> float:
+        """Return when the last robot is home from its last trip, swaps in between included."""
+        busy = [-own.swap_time_s for own in self.own]
+        for robot, path in zip(part.work.robots, part.tours.paths, strict=True):
+            row = self.row[robot]
+            time = self.work.times[row]
+            busy[row] += time.duration_s(path.points_m, path.kind) + self.own[row].swap_time_s
+        return max(busy)
 
     def cutter(self, row: int, path: CoveragePath, allowed: float) -> TripCutter:
         """Return what cuts a path of the robot of a row into trips that use `allowed` at most."""

@@ -16,6 +16,19 @@ from mrmission.tour.timing import TimeModel
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class LineToll:
+    """What each line counts beside its seconds, so that no robot has too many of them.
+
+    Attributes
+    ----------
+    seconds
+        For one line.
+    """
+
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class PartWork:
     """One connected part of the water, and who sweeps it.
 
@@ -54,7 +67,7 @@ class PartWork:
     uncovered: Uncovered
     times: tuple[TimeModel, ...]
     options: PlanOptions
-    weights: FloatArray | None = None
+    weights: FloatArray | LineToll | None = None
 
     @property
     def lines_m(self) -> FloatArray:

@@ -131,6 +131,28 @@ def test_no_mission_is_longer_than_a_vehicle_holds(seed: int) -> None:
     assert_whole(result, options)
 
 
+def test_a_robot_with_many_items_gives_some_away_before_it_goes_out_twice() -> None:
+    area = lake(4, 550.0, 3)
+    usual: dict[str, Any] = {"robots": 5, "swath_m": 20.0, "time_budget_s": 0.2}
+    free = plan(area, wishes(**usual))
+    most = max(row.items for row in free.report.robots)
+    limits = VehicleLimits(mission_items=most - 2)
+    options = wishes(**usual, limits=limits)
+    result = plan(area, options)
+    assert_whole(result, options)
+    assert all(len(row.sorties) == 1 for row in result.report.robots)
+    assert result.report.makespan_s < 1.1 * free.report.makespan_s
+
+
+def test_lanes_in_pieces_are_as_many_items_as_they_are_exported() -> None:
+    area = lake(2, 550.0, 3)
+    usual: dict[str, Any] = {"robots": 4, "swath_m": 20.0, "time_budget_s": 0.2}
+    free = plan(area, wishes(**usual))
+    most = max(row.items for row in free.report.robots)
+    enough = plan(area, wishes(**usual, limits=VehicleLimits(mission_items=most + 1)))
+    assert [m.items for m in enough.missions] == [m.items for m in free.missions]
+
+
 def test_a_mixed_fleet_is_home_together() -> None:
     fleet = (
         Robot(name="slow", survey_speed_m_s=1.0, transit_speed_m_s=1.0, swath_m=24.0),
