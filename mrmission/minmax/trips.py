@@ -414,13 +414,16 @@ class TooFarError(InfeasibleError):
 
 def _turning(path: CoveragePath) -> KindArray:
     """Return the kinds of a path's legs, those that go straight on left out: they are one item."""
+    kind = np.asarray(path.kind)
+    if len(kind) < 2:
+        return kind
     leg = np.diff(path.points_m, axis=0)
     length = np.hypot(leg[:, 0], leg[:, 1])
     cross = leg[:-1, 0] * leg[1:, 1] - leg[:-1, 1] * leg[1:, 0]
     straight = np.abs(cross) < STRAIGHT * length[:-1] * length[1:]
     straight &= (leg[:-1] * leg[1:]).sum(axis=1) > 0
-    straight &= path.kind[:-1] == path.kind[1:]
-    return np.asarray(path.kind)[np.append(~straight, True)[-len(path.kind) :]]
+    straight &= kind[:-1] == kind[1:]
+    return kind[np.append(~straight, True)]
 
 
 def _length_m(points_m: FloatArray) -> float:
