@@ -72,9 +72,7 @@ def minmax(
     )
 
 
-def _filled_up(
-    tours: LaneTours, lanes: int
-) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
+def _filled_up(tours: LaneTours, lanes: int) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
     """Return tours as the search keeps them: see :func:`~mrmission.minmax.split.split_tour`."""
     routes = np.zeros((len(tours.entries), lanes), dtype=np.int32)
     for r, mine in enumerate(tours.entries):

@@ -89,12 +89,15 @@ class Gauge:
         The options as they are for this robot; items depend on them.
     shaped
         What becomes of a path before it is exported: turns, run-ins.
+    exported
+        Whether paths are as exported, every point an item; before, those on straight legs go.
     """
 
     allowance: Allowance
     time: TimeModel
     options: PlanOptions
     shaped: Callable[[CoveragePath], CoveragePath] = lambda path: path
+    exported: bool = False
 
     def used(self, path: CoveragePath) -> float:
         """Return the largest share of the allowance that a path uses; 1 is all."""
@@ -105,7 +108,8 @@ class Gauge:
         if math.isfinite(self.allowance.metres):
             out = max(out, _length_m(path.points_m) / self.allowance.metres)
         if math.isfinite(self.allowance.items):
-            out = max(out, count_items(_turning(path), self.options) / self.allowance.items)
+            kinds = path.kind if self.exported else _turning(path)
+            out = max(out, count_items(kinds, self.options) / self.allowance.items)
         return out
 
 

@@ -12,7 +12,7 @@ import shapely
 from mrmission.mission.tracks import line_label
 from mrmission.model import FleetPlan, FloatArray, LegKind, Mission
 from mrmission.report.colours import robot_colour
-from mrmission.report.units import human_duration, human_length
+from mrmission.report.units import human_chance, human_duration, human_length
 
 NAVIGATION_COMMANDS = frozenset({16, 17, 18, 19, 21, 22, 31, 82})
 """MAV_CMD_NAV_* with a position: WAYPOINT, LOITER_*, LAND, TAKEOFF, SPLINE_WAYPOINT."""
@@ -243,7 +243,7 @@ def _conflicts(plan: FleetPlan) -> list[dict[str, Any]]:
                 f"robots {conflict.robots[0]} and {conflict.robots[1]} may come within "
                 f"{human_length(conflict.least_m)} of each other, "
                 f"{human_duration(conflict.from_s)} to {human_duration(conflict.to_s)} "
-                f"after the start; chance {conflict.chance:.0%}"
+                f"after the start; chance {human_chance(conflict.chance)}"
             ),
         }
         for conflict, place in zip(found, places, strict=True)

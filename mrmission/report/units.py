@@ -117,6 +117,11 @@ def human_share(share: float) -> str:
     return f"{math.floor(share * 10_000 + 1e-9) / 100:.2f} %"
 
 
+def human_chance(chance: float) -> str:
+    """Return a probability in whole percent, and never a small one as none."""
+    return "below 1%" if chance < 0.005 else f"{chance:.0%}"
+
+
 def human_gap(gap: float) -> str:
     """Return an optimality gap as per cent, rounded up to a tenth so that it never flatters.
 

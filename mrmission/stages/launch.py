@@ -23,6 +23,7 @@ from mrmission.model import (
     SeparationReport,
 )
 from mrmission.options import PlanOptions
+from mrmission.report.units import human_chance
 from mrmission.tour.separation import (
     Separation,
     SeparationRules,
@@ -219,7 +220,7 @@ def conflict_text(conflict: SeparationConflict) -> str:
     return (
         f"robots {a} and {b} may come within {conflict.least_m:.0f} m of each other near "
         f"{_lonlat(conflict.lonlat)} between {when} after the start "
-        f"(chance {conflict.chance:.0%})"
+        f"(chance {human_chance(conflict.chance)})"
     )
 
 

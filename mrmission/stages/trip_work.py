@@ -51,7 +51,7 @@ class TripWork:
     def measured(self, part: PartPlan, routes: Sequence[Route]) -> list[float]:
         """Return what each route uses of its robot's allowance, as it is exported."""
         return [
-            replace(self.gauges[self.row[robot]], shaped=_as_it_is).used(route.path)
+            replace(self.gauges[self.row[robot]], shaped=_as_it_is, exported=True).used(route.path)
             for robot, route in zip(part.work.robots, routes, strict=True)
         ]
 

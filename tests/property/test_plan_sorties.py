@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import json
 import re
+from dataclasses import replace
 from itertools import permutations, product
 from pathlib import Path
 from typing import Any
@@ -151,6 +152,21 @@ def test_lanes_in_pieces_are_as_many_items_as_they_are_exported() -> None:
     most = max(row.items for row in free.report.robots)
     enough = plan(area, wishes(**usual, limits=VehicleLimits(mission_items=most + 1)))
     assert [m.items for m in enough.missions] == [m.items for m in free.missions]
+
+
+def test_the_points_that_long_legs_are_divided_by_are_items_too() -> None:
+    # legs of 20 km in the north: exported in several straight pieces each
+    long = area_of(shapely.box(0.0, 0.0, 20_000.0, 1_500.0))
+    options = wishes(
+        robots=1, swath_m=150.0, overlap=0.0, angle_deg=90.0, clearance_m=0.0,
+        limits=VehicleLimits(mission_items=60),
+    )  # fmt: skip
+    result = plan(long, options)
+    items = [len(mission.items) for mission in result.missions]
+    whole = plan(long, replace(options, limits=VehicleLimits(mission_items=600)))
+    assert len(whole.missions[0].items) > 60  # divided legs and all
+    assert max(items) <= 60
+    assert len(items) >= 2
 
 
 def test_a_mixed_fleet_is_home_together() -> None:

@@ -16,6 +16,7 @@ from mrmission.model import FleetReport, RobotReport
 from mrmission.report import units
 from mrmission.report.metrics import plain
 from mrmission.report.table import fleet_table, report_json, report_text, summary_lines
+from mrmission.report.units import human_chance
 
 
 def rendered(plan, width=120):
@@ -170,3 +171,9 @@ def test_the_bound_of_the_chosen_lanes_stands_beside_that_of_any_plan() -> None:
     assert names["Gap to any plan's bound"] == units.human_gap(plan.report.gap)
     assert "none with these lanes" in "\n".join(summary_lines(plan))
     assert "these lanes" not in str(units.fleet_figures(make_plan().report))
+
+
+def test_a_small_chance_is_not_told_as_none() -> None:
+    assert human_chance(0.001) == "below 1%"
+    assert human_chance(0.006) == "1%"
+    assert human_chance(0.36) == "36%"
