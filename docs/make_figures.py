@@ -351,10 +351,11 @@ def paths_figure() -> None:
 
 
 def planners_figure() -> None:
-    """Draw the four planners side by side."""
+    """Draw the paper's four planners and the lane planner."""
     _, water, _ = survey()
-    figure, grid = sheet(2, 2, 5.6)
-    for axes, method in zip(grid.flat, METHODS, strict=True):
+    figure, grid = sheet(3, 2, 8.2)
+    grid.flat[len(METHODS)].axis("off")
+    for axes, method in zip(grid.flat, METHODS, strict=False):
         result = planned(method)
         fill(axes, water, facecolor="#eef2f4", edgecolor="#57666c", linewidth=0.5)
         for path in result.paths:
@@ -375,7 +376,7 @@ def planners_figure() -> None:
             f"{busy} of {len(report.robots)} robots at work",
             fontsize=8, pad=2,
         )  # fmt: skip
-    figure.subplots_adjust(top=0.955)
+    figure.subplots_adjust(top=0.97)
     keys = [
         line_key(f"robot {r}", color=robot_colour(r), linewidth=1.6)
         for r in range(1, OPTIONS.robots + 1)
