@@ -46,8 +46,10 @@ def lane_tours(work: PartWork) -> PartTours:
     line_of = np.concatenate([pieces.line_of, len(work.lines) + own])
     problem = weighted(problem, work.weights)
     budget_s = min(work.options.time_budget_s, BUDGET_PER_LINE_S * len(lines))
-    tours = minmax(problem, (1.0 - ROUNDS * ROUND_SHARE) * budget_s, work.options.seed)
-    tours, paths = _evened_out(problem, tours, lines, hooks, work, ROUND_SHARE * budget_s)
+    # thousands of lanes are even already, and to lay them all is dear
+    rounds = 0 if beyond is not None or work.weights is not None else ROUNDS
+    tours = minmax(problem, (1.0 - rounds * ROUND_SHARE) * budget_s, work.options.seed)
+    tours, paths = _evened_out(problem, tours, lines, hooks, work, rounds, ROUND_SHARE * budget_s)
     if least is not None and least.end_cost is not None:
         least = swept_in_one_go(least, tours, line_of)
     bound = _bound(least, beyond, work)
@@ -65,6 +67,7 @@ def _evened_out(
     lines: tuple[SurveyLine, ...],
     hooks: Hooks,
     work: PartWork,
+    rounds: int,
     budget_s: float,
 ) -> tuple[LaneTours, tuple[CoveragePath, ...]]:
     """Return tours whose paths, as they are laid, end at nearly the same time.
@@ -73,8 +76,6 @@ def _evened_out(
     ways are far or bent. What a robot's path took more, the next search adds to its tour.
     """
     from mrmission.minmax.search import minmax
-
-    weights = work.weights
 
     def laid(tours: LaneTours) -> tuple[tuple[CoveragePath, ...], FloatArray]:
         paths = tour_paths(
@@ -87,10 +88,10 @@ def _evened_out(
         return paths, np.array(seconds)
 
     paths, took_s = laid(tours)
-    if weights is not None or budget_s <= 0 or len(paths) < 2:
+    if budget_s <= 0 or len(paths) < 2:
         return tours, paths
     best, best_paths, best_s = tours, paths, float(took_s.max())
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         more_s = took_s - np.array([tour_cost(problem, r, e) for r, e in enumerate(tours.entries)])
         handicap = replace(
             problem, home_cost=np.maximum(problem.home_cost + 0.5 * more_s[:, None], 0.0)
