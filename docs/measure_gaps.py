@@ -203,7 +203,8 @@ def table(rows: list[dict[str, Any]]) -> str:
                 ratio = _ratios(mine, method, k)
                 mean = float(np.exp(np.mean(np.log(ratio)))) if ratio else float("nan")
                 cells.append(f"{mean:.2f} ({min(ratio):.2f}-{max(ratio):.2f})" if ratio else "")
-            lines.append(f"| {k} | " + " | ".join(cells) + " |")
+            if any(cells):
+                lines.append(f"| {k} | " + " | ".join(cells) + " |")
         lines.append("")
     scored = [r for r in rows if isinstance(r.get("score"), dict)]
     if scored:
