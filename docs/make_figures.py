@@ -383,7 +383,7 @@ def planners_figure() -> None:
     ]
     legend(figure, [*keys, line_key("transit", color="0.3", linewidth=0.7, linestyle=(0, (2, 1)))])
     target = OUT / "planners.png"
-    figure.savefig(target, dpi=150, metadata={"Software": None})
+    figure.savefig(target, dpi=140, metadata={"Software": None})
     shrink(target)
 
 
