@@ -35,7 +35,8 @@ def items_shared_out(base: TripWork, planner: Planner, room: float = 1.0) -> Par
     planner
         What shares out lines.
     room
-        How far memories may be filled.
+        How far memories should be filled, for what covers the rest to fit; plans that fill them
+        more are taken where there is no other.
 
     Returns
     -------
@@ -54,6 +55,7 @@ def items_shared_out(base: TripWork, planner: Planner, room: float = 1.0) -> Par
     in_trips = base.plan_of(base.cut_tours([room] * len(items)))
     latest_s = base.makespan_s(in_trips)
     budget_s = BUDGET_SHARE * work.options.time_budget_s
+    tight: PartPlan | None = None  # fits as planned, without room for what covers the rest
     for toll in TOLLS:
         line_s = toll * base.makespan_s(whole) * ITEMS_PER_LINE / float(held.min())
         again = replace(
@@ -62,6 +64,10 @@ def items_shared_out(base: TripWork, planner: Planner, room: float = 1.0) -> Par
             options=replace(work.options, time_budget_s=budget_s),
         )
         found = PartPlan(work=work, tours=planner(again))
-        if max(base.planned(found)) <= room and base.makespan_s(found) <= latest_s:
+        full = max(base.planned(found))
+        if full > 1.0 or base.makespan_s(found) > latest_s:
+            continue
+        if full <= room:
             return found
-    return None
+        tight = tight or found
+    return tight
