@@ -70,14 +70,18 @@ def export_in_sorties(
     try:
         planned = sorties.base.planned(whole)
         allowed = sorties.first_room(planned)
-        part = whole
+        part, shared = whole, None
         if max(planned) > 1.0:
-            part = sorties.shared_out(ITEMS_ROOM) or sorties.trips(allowed)
+            shared = sorties.shared_out(ITEMS_ROOM)
+            part = shared or sorties.trips(allowed)
         for attempt in range(ROUNDS):
             routes, coverage = export_part(part, frame)
             measured = sorties.base.measured(part, routes)
             if max(measured) <= 1.0:
                 return part, routes, coverage
+            if part is shared:  # it fitted, but not with what covers the rest: trips after all
+                shared, part = None, sorties.trips(allowed)
+                continue
             planned = sorties.base.planned(part)
             room = sorties.room(part, planned, measured)
             shared = sorties.shared_out(min(ITEMS_ROOM, *room)) if part is whole else None
@@ -120,8 +124,6 @@ class Sorties:
     def shared_out(self, room: float) -> PartPlan | None:
         """Return the part with the items of its tours shared out, where that does instead of trips.
 
-        From then on these tours are the ones that are cut.
-
         Parameters
         ----------
         room
@@ -129,10 +131,7 @@ class Sorties:
         """
         if self._planner is None:
             return None
-        found = items_shared_out(self.base, self._planner, room)
-        if found is not None:
-            self.base = TripWork(found)
-        return found
+        return items_shared_out(self.base, self._planner, room)
 
     def first_room(self, planned: Sequence[float]) -> list[float]:
         """Return how far trips may be filled at first, by what each whole tour uses."""
