@@ -274,17 +274,11 @@ def _affordable(
 
 def _real_problem(work: PartWork) -> LaneProblem:
     """Return what the planner would search: cut lanes, hooks and corners."""
-    from dataclasses import replace
-
-    from mrmission.minmax.cut import cut_lines
-    from mrmission.minmax.hooks import find_hooks, no_hooks
+    from mrmission.minmax.planner import lines_and_hooks
     from mrmission.minmax.runs import part_costs
 
-    work = replace(work, lines=cut_lines(work).lines)
-    hooks, extra = find_hooks(work)
-    if work.time.turn_radius_m > 0:
-        hooks = no_hooks(2 * len(work.lines + extra))
-    return part_costs(work.lines + extra, hooks, work).problem
+    lines, _, hooks = lines_and_hooks(work)
+    return part_costs(lines, hooks, work).problem
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -96,7 +96,7 @@ def line_costs(
     corner_s = floor - trim_s(widest)
     flat = np.full_like(table, corner_s)
     _price_all(least, ends, out, flat, corner_s, no_hooks, 1.0 / way_speed_m_s(widest))
-    least_s = least_near_s(near_s, near, ends, out, hooks, widest, lanes_alone)
+    least_s = least_near_s(near_s, near, out, hooks, widest, lanes_alone)
     for matrix, seconds in ((cost, near_s), (least, least_s)):
         matrix[first, last] = seconds
         matrix[last, first] = seconds
@@ -228,7 +228,6 @@ def way_speed_m_s(time: TimeModel) -> float:
 def least_near_s(
     near_s: FloatArray,
     near: NearWays,
-    ends: FloatArray,
     out: FloatArray,
     hooks: Hooks,
     time: TimeModel,
@@ -246,7 +245,9 @@ def least_near_s(
     if time.steering != "steered" or not len(near_s):
         return near_s
     marked = time.with_reversals_marked(REVERSAL_DEG, MARK_S)
-    seconds = near_seconds(near, ends, out, hooks, marked, lanes_alone)
+    ways = hooked_ways(near.first, near.last, near.start, near.points_m, hooks, always=lanes_alone)
+    leave, enter = out[near.first], -out[near.last]
+    seconds = ways_s(ways, leave, enter, marked, lanes_alone=lanes_alone)
     count = np.round(np.maximum(seconds - near_s, 0.0) / MARK_S)
     # a reversal, the corner behind it and the short leg between the two: all that can become less
     curves = (time.survey, time.transit)
@@ -257,8 +258,7 @@ def least_near_s(
     )
     if not lanes_alone:
         one = np.flatnonzero(count == 1)
-        ways = hooked_ways(near.first, near.last, near.start, near.points_m, hooks)
-        least[one] = gentlest_s(ways, one, out[near.first], -out[near.last], time)
+        least[one] = gentlest_s(ways, one, leave, enter, time)
     return np.where(count > 0, np.clip(least, 0.0, near_s), near_s)
 
 

@@ -15,7 +15,7 @@ from numba import njit
 
 from mrmission.minmax.ways import Ways
 from mrmission.model import FloatArray, IntArray
-from mrmission.tour.reversals import ASIDE_DEG, ASIDE_M, GENTLE_DEG
+from mrmission.tour.reversals import ASIDE_DEG, ASIDE_M, GENTLE_DEG, REVERSAL_DEG
 from mrmission.tour.timing import TimeModel
 
 CELLS_PER_DEG = 4
@@ -144,7 +144,10 @@ def _gentlest(  # type: ignore[no-untyped-def]
                 # a leg of no length goes on as the one before
                 heading[i] = math.atan2(dy, dx) if length[i] > 0 or i == 0 else heading[i - 1]
             for at in range(1, n - 2):  # the reversal, and the leg behind it that is replaced
-                if _turn(heading[at - 1], heading[at]) * 180.0 / math.pi < 149.999:
+                if (
+                    _turn(heading[at - 1], heading[at]) * 180.0 / math.pi
+                    < REVERSAL_DEG - ROUNDING_DEG
+                ):
                     continue
                 rest, dearest = 0.0, 0.0
                 for i in range(1, n - 1):

@@ -35,19 +35,15 @@ def lane_tours(work: PartWork) -> PartTours:
     """Return the tours of the lane planner."""
     from mrmission.minmax.search import minmax
 
-    pieces = cut_lines(work)
-    work = replace(work, lines=pieces.lines)
-    hooks, extra = find_hooks(work)
-    if work.time.turn_radius_m > 0:  # arcs go other ways: what they leave is looked for later
-        hooks = no_hooks(2 * len(work.lines + extra))
-    lines = work.lines + extra
+    lines, line_of, hooks = lines_and_hooks(work)
     problem, least, beyond = _problems(lines, hooks, work)
-    own = np.arange(len(work.lines), len(lines))  # extra lines are whole
-    line_of = np.concatenate([pieces.line_of, len(work.lines) + own])
     problem = weighted(problem, work.weights)
+    if work.line_toll_s > 0:
+        problem = replace(problem, lane_cost=problem.lane_cost + work.line_toll_s)
     budget_s = min(work.options.time_budget_s, BUDGET_PER_LINE_S * len(lines))
     # thousands of lanes are even already, and to lay them all is dear
-    rounds = 0 if beyond is not None or work.weights is not None else ROUNDS
+    for_trips = work.weights is not None or work.line_toll_s > 0
+    rounds = 0 if beyond is not None or for_trips else ROUNDS
     tours = minmax(problem, (1.0 - rounds * ROUND_SHARE) * budget_s, work.options.seed)
     tours, paths = _evened_out(problem, tours, lines, hooks, work, rounds, ROUND_SHARE * budget_s)
     if least is not None and least.end_cost is not None:
@@ -59,6 +55,21 @@ def lane_tours(work: PartWork) -> PartTours:
         lanes_bound_s=bound.makespan_s if bound else None,
         lanes_bound_name=bound.term if bound else "",
     )
+
+
+def lines_and_hooks(work: PartWork) -> tuple[tuple[SurveyLine, ...], IntArray, Hooks]:
+    """Return what the search shares out: lines cut, which line each is of, and their hooks.
+
+    Lines made for what all others leave come last, each of its own.
+    """
+    pieces = cut_lines(work)
+    hooks, extra = find_hooks(replace(work, lines=pieces.lines))
+    lines = pieces.lines + extra
+    if work.time.turn_radius_m > 0:  # arcs go other ways: what they leave is looked for later
+        hooks = no_hooks(2 * len(lines))
+    own = np.arange(len(pieces.lines), len(lines))
+    line_of = np.concatenate([pieces.line_of, len(pieces.lines) + own])
+    return lines, line_of, hooks
 
 
 def _evened_out(

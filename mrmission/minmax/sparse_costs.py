@@ -124,7 +124,7 @@ def sparse_line_costs(
     place = np.minimum(np.searchsorted(wanted, key), len(wanted) - 1)
     priced = wanted[place] == key
     second_s[priced] = near_s[place[priced]]
-    near_least_s = least_near_s(near_s, near, ends, out, hooks, widest, lanes_alone)
+    near_least_s = least_near_s(near_s, near, out, hooks, widest, lanes_alone)
     least_s[priced] = near_least_s[place[priced]]
     home_s, home_least_s = _home_seconds(ends, out, homes_m, hooks, harbour, times, lanes_alone)
     lane_s = lengths_m(lines) / time.survey_speed_m_s

@@ -27,7 +27,6 @@ from mrmission.model import CoveragePath, FloatArray, LegKind
 from mrmission.options import PlanOptions
 from mrmission.tour.path import join_pieces
 from mrmission.tour.timing import TimeModel
-from mrmission.tour.work import LineToll
 
 MOST_PIECES = 256
 """A stretch is cut into no more pieces than this."""
@@ -434,7 +433,7 @@ def _length_m(points_m: FloatArray) -> float:
     return float(np.hypot(*np.diff(points_m, axis=0).T).sum()) if len(points_m) > 1 else 0.0
 
 
-def weighted(problem: LaneProblem, weights: FloatArray | LineToll | None) -> LaneProblem:
+def weighted(problem: LaneProblem, weights: FloatArray | None) -> LaneProblem:
     """Return a problem in which the seconds of each robot count by a weight.
 
     Trips that may be of different lengths are compared so: by the share of each that is used.
@@ -444,12 +443,10 @@ def weighted(problem: LaneProblem, weights: FloatArray | LineToll | None) -> Lan
     problem
         With one robot for each trip.
     weights : (robots, 2) array
-        Of sweeping and of travel; None where all count alike. Or what each line counts beside.
+        Of sweeping and of travel; None where all count alike.
     """
     if weights is None:
         return problem
-    if isinstance(weights, LineToll):
-        return replace(problem, lane_cost=problem.lane_cost + weights.seconds)
     ones = np.ones(len(weights))
     sweep = ones if problem.sweep_scale is None else problem.sweep_scale
     travel = ones if problem.travel_scale is None else problem.travel_scale

@@ -13,7 +13,7 @@ import numpy as np
 
 from mrmission.stages.trip_search import Planner
 from mrmission.stages.trip_work import TripWork
-from mrmission.tour.work import LineToll, PartPlan
+from mrmission.tour.work import PartPlan
 
 TOLLS = (0.12, 0.25, 0.5, 1.0)
 """What the lanes of a full memory count, against the longest tour; the least that does is taken."""
@@ -45,8 +45,7 @@ def items_shared_out(base: TripWork, planner: Planner, room: float = 1.0) -> Par
         that are tried has every tour in its memory and the last robot home before trips would.
     """
     whole, work = base.whole, base.work
-    endless = all(gauge.allowance.endless for gauge in base.gauges)
-    if not endless or len(work.robots) < 2:
+    if not base.endless or len(work.robots) < 2:
         return None
     held = np.array([gauge.allowance.items for gauge in base.gauges])
     items = np.array(base.planned(whole)) * held
@@ -60,7 +59,7 @@ def items_shared_out(base: TripWork, planner: Planner, room: float = 1.0) -> Par
         line_s = toll * base.makespan_s(whole) * ITEMS_PER_LINE / float(held.min())
         again = replace(
             work,
-            weights=LineToll(seconds=line_s),
+            line_toll_s=line_s,
             options=replace(work.options, time_budget_s=budget_s),
         )
         found = PartPlan(work=work, tours=planner(again))

@@ -116,11 +116,6 @@ class Sorties:
         self.base = TripWork(whole)
         self._planner = planner
 
-    @property
-    def _endless(self) -> bool:
-        """Return whether no battery binds: then trips are not searched for."""
-        return all(gauge.allowance.endless for gauge in self.base.gauges)
-
     def shared_out(self, room: float) -> PartPlan | None:
         """Return the part with the items of its tours shared out, where that does instead of trips.
 
@@ -135,7 +130,7 @@ class Sorties:
 
     def first_room(self, planned: Sequence[float]) -> list[float]:
         """Return how far trips may be filled at first, by what each whole tour uses."""
-        return [ITEMS_ROOM if self._endless and share > 1.0 else 1.0 for share in planned]
+        return [ITEMS_ROOM if self.base.endless and share > 1.0 else 1.0 for share in planned]
 
     def room(
         self, part: PartPlan, planned: Sequence[float], measured: Sequence[float]
@@ -161,7 +156,7 @@ class Sorties:
         TooFarError
             When a place cannot be reached and returned from.
         """
-        if self._planner is None or self._endless:
+        if self._planner is None or self.base.endless:  # cut, where no battery binds
             return self.base.plan_of(self.base.cut_tours(allowed))
         found = TripSearch(self.base, self._planner).search(allowed)
         planned = self.base.planned(found)

@@ -41,6 +41,11 @@ class TripWork:
             for own, time in zip(self.own, self.work.times, strict=True)
         ]
 
+    @property
+    def endless(self) -> bool:
+        """Return whether no battery binds any robot; memories may."""
+        return all(gauge.allowance.endless for gauge in self.gauges)
+
     def planned(self, part: PartPlan) -> list[float]:
         """Return what each path uses of its robot's allowance, before the rest is covered."""
         return [

@@ -16,19 +16,6 @@ from mrmission.tour.timing import TimeModel
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LineToll:
-    """What each line counts beside its seconds, so that no robot has too many of them.
-
-    Attributes
-    ----------
-    seconds
-        For one line.
-    """
-
-    seconds: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class PartWork:
     """One connected part of the water, and who sweeps it.
 
@@ -56,6 +43,8 @@ class PartWork:
     weights
         (robots, 2) how much a second of sweeping, and one of travel, counts for each robot; None
         where all count alike. Robots of different endurance are compared so.
+    line_toll_s
+        What each line counts beside its seconds, so that no robot has too many of them.
     """
 
     region_m: shapely.Polygon
@@ -67,7 +56,8 @@ class PartWork:
     uncovered: Uncovered
     times: tuple[TimeModel, ...]
     options: PlanOptions
-    weights: FloatArray | LineToll | None = None
+    weights: FloatArray | None = None
+    line_toll_s: float = 0.0
 
     @property
     def lines_m(self) -> FloatArray:
