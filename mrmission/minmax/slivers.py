@@ -65,6 +65,14 @@ def look(region: shapely.Polygon, column_x_m: FloatArray, pitch_m: float) -> Lan
                  alone_m=alone_m)  # fmt: skip
 
 
+def _extent(
+    low: FloatArray, high: FloatArray, foot: FloatArray, top: FloatArray
+) -> tuple[float, float]:
+    """Return the lowest height of lanes and water, and a little more than their span."""
+    y_min = min(float(low.min()), float(foot.min(initial=np.inf)))
+    return y_min, max(float(high.max()), float(top.max(initial=-np.inf))) - y_min + 1.0
+
+
 def _keys(column: IntArray, y_m: FloatArray, low_m: float, span_m: float) -> FloatArray:
     """Return numbers that rise with the column first, then with the height."""
     return column * (2.0 * span_m) + (y_m - low_m)
@@ -84,8 +92,7 @@ def _beyond(
     """
     if len(low) == 0 or len(foot) == 0:
         return np.zeros(len(low))
-    y_min = min(float(low.min()), float(foot.min()))
-    span = max(float(high.max()), float(top.max())) - y_min + 1.0
+    y_min, span = _extent(low, high, foot, top)
     order = np.lexsort((foot, beside))
     index = np.searchsorted(
         _keys(beside[order], foot[order], y_min, span), _keys(column, high, y_min, span), "right"
@@ -111,8 +118,7 @@ def _alone(
     """Return (intervals,) which pieces of water have no lane of their column beside them."""
     if len(low) == 0:
         return np.ones(len(foot), dtype=bool)
-    y_min = min(float(low.min()), float(foot.min(initial=np.inf)))
-    span = max(float(high.max()), float(top.max(initial=-np.inf))) - y_min + 1.0
+    y_min, span = _extent(low, high, foot, top)
     index = np.searchsorted(
         _keys(column, low, y_min, span), _keys(beside, top, y_min, span), "left"
     )
