@@ -22,7 +22,7 @@ from mrmission.rehearse.measures import (
     fence_polygon,
     fence_room_m,
     legs_of_mission,
-    nearest_pair,
+    nearest_of_pairs,
     step_weights,
     survey_pieces,
     swept_area,
@@ -99,6 +99,27 @@ class RobotDriven:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class PairDriven:
+    """How near two robots came, against what the plan promised.
+
+    ``planned_m`` is the least distance that the plan allows for with its times wrong by as much as
+    it assumes (:mod:`mrmission.tour.separation`); None where it did not look, or where the two
+    were never to be under way together. ``driven`` is None where they never were.
+    """
+
+    robots: tuple[int, int]
+    planned_m: float | None
+    driven: Meeting | None
+
+    @property
+    def short_m(self) -> float:
+        """By how much they came nearer than planned; negative where they stayed farther apart."""
+        if self.planned_m is None or self.driven is None:
+            return -math.inf
+        return self.planned_m - self.driven.distance_m
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class FleetDriven:
     """What a rehearsal brought; ``rehearse.json`` is this, field by field."""
 
@@ -109,6 +130,7 @@ class FleetDriven:
     coverage: Swept
     coverage_survey_legs: Swept
     cross_track: CrossTrack
+    pairs: tuple[PairDriven, ...]
     nearest: Meeting | None
     nearest_lonlat: tuple[float, float] | None
     planned_makespan_s: float
@@ -196,7 +218,8 @@ def judge(
             )
         )  # fmt: skip
     none = np.zeros(0)
-    met = nearest_pair(movements)
+    pairs = _pairs(plan, nearest_of_pairs(movements))
+    met = min((p.driven for p in pairs if p.driven), key=lambda m: m.distance_m, default=None)
     driven = FleetDriven(
         area=plan.area.name,
         robots=tuple(rows),
@@ -209,6 +232,7 @@ def judge(
             np.concatenate([none, *alongs]),
             np.concatenate([none, *weights]),
         ),
+        pairs=pairs,
         nearest=met,
         nearest_lonlat=_lonlat(frame, met),
         planned_makespan_s=max((r.planned_s + r.start_delay_s for r in rows), default=0.0),
@@ -221,6 +245,16 @@ def judge(
         versions=plan.report.versions,
     )
     return _with_violations(driven)
+
+
+def _pairs(plan: FleetPlan, met: Sequence[Meeting]) -> tuple[PairDriven, ...]:
+    """Return how near each two robots came, and were to come."""
+    planned = {p.robots: p.least_m for p in plan.report.separation.pairs}
+    driven = {m.robots: m for m in met}
+    return tuple(
+        PairDriven(robots=pair, planned_m=planned.get(pair), driven=driven.get(pair))
+        for pair in sorted({*planned, *driven})
+    )
 
 
 def _lonlat(frame: LocalFrame, met: Meeting | None) -> tuple[float, float] | None:

@@ -344,11 +344,19 @@ def nearest_of(a: Movement, b: Movement) -> Meeting | None:
     )
 
 
-def nearest_pair(movements: Sequence[Movement]) -> Meeting | None:
-    """Return the least distance of any two vehicles while both are under way."""
-    pairs = [(a, b) for a, b in combinations(movements, 2) if a.robot != b.robot]
-    met = [m for a, b in pairs if (m := nearest_of(a, b)) is not None]
-    return min(met, key=lambda m: m.distance_m) if met else None
+def nearest_of_pairs(movements: Sequence[Movement]) -> tuple[Meeting, ...]:
+    """Return the least distance of each two vehicles while both are under way, in their order.
+
+    A vehicle may have several movements, its trips; pairs never under way together are left out.
+    """
+    met: dict[tuple[int, int], Meeting] = {}
+    for a, b in combinations(sorted(movements, key=lambda m: m.robot), 2):
+        if a.robot == b.robot or (found := nearest_of(a, b)) is None:
+            continue
+        known = met.get(found.robots)
+        if known is None or found.distance_m < known.distance_m:
+            met[found.robots] = found
+    return tuple(met[pair] for pair in sorted(met))
 
 
 # --- fence ---------------------------------------------------------------------------------------

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from mrmission.rehearse.judge import FleetDriven, RobotDriven
+from mrmission.rehearse.judge import FleetDriven, PairDriven, RobotDriven
 from mrmission.report.colours import robot_colour
 from mrmission.report.units import (
     UNKNOWN,
@@ -97,7 +98,22 @@ def fleet_lines(driven: FleetDriven) -> list[tuple[str, str]]:
                 ),
             )
         )
+    promised = [pair for pair in driven.pairs if pair.planned_m is not None]
+    if promised:
+        lines.append(("Pairs nearer than the plan allows for", _broken(promised)))
     return lines
+
+
+def _broken(pairs: Sequence[PairDriven]) -> str:
+    """Return how many of some pairs came nearer than planned, and the worst of them."""
+    worst = max(pairs, key=lambda pair: pair.short_m)
+    count = sum(pair.short_m > 0 for pair in pairs)
+    if not count or worst.planned_m is None or worst.driven is None:
+        return f"none of {len(pairs)}"
+    return (
+        f"{count} of {len(pairs)}, the worst robots {worst.robots[0]} and {worst.robots[1]}: "
+        f"{metres(worst.driven.distance_m, 1)} instead of {metres(worst.planned_m, 1)}"
+    )
 
 
 class RehearsalTable:

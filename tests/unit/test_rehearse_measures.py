@@ -23,7 +23,7 @@ from mrmission.rehearse.measures import (
     fence_room_m,
     legs_of_mission,
     nearest_of,
-    nearest_pair,
+    nearest_of_pairs,
     position_at,
     runs,
     step_weights,
@@ -260,9 +260,11 @@ def test_vehicles_that_are_never_out_together_do_not_meet() -> None:
     touching = nearest_of(a, c)
     assert touching is not None
     assert touching.time_s == 10.0
-    met = nearest_pair([a, b, c])
-    assert met is not None
-    assert met.distance_m == pytest.approx(math.hypot(3, 3))
+    again = Movement(robot=1, time_s=np.array([11.0, 12.0]), points_m=still + 2.0)
+    # of the trips of a vehicle, the one that came nearest; nothing of those never out together
+    met = {m.robots: m.distance_m for m in nearest_of_pairs([again, c, a])}
+    assert met == {(1, 3): pytest.approx(math.hypot(1, 1))}
+    assert {m.robots for m in nearest_of_pairs([again, c, a, b])} == {(1, 2), (1, 3), (2, 3)}
 
 
 # --- fence ---------------------------------------------------------------------------------------

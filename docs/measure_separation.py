@@ -1,0 +1,235 @@
+"""Sail fleets with and without --separation and make the table of docs/separation.md.
+
+    python docs/measure_separation.py OUT                    light boats, then ArduRover
+    python docs/measure_separation.py OUT --engine light     light boats alone
+    python docs/measure_separation.py OUT --case harbour-3   one fleet
+    python docs/measure_separation.py OUT --table            the table of what OUT holds
+
+Each fleet is planned twice, with `--separation 0` and with the default, and both plans are sailed.
+The missions wait by themselves (`--wait-in-mission`), so the delays are sailed too. ArduRover is
+taken from PATH or from ARDUROVER. OUT keeps `rehearse.json`, tracks and the predictions.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import json
+import math
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mrmission.area.geojson import read_survey_area
+from mrmission.model import FleetPlan
+from mrmission.options import PlanOptions
+from mrmission.pipeline import plan
+from mrmission.rehearse.files import write_rehearsal
+from mrmission.rehearse.judge import Limits, judge
+from mrmission.rehearse.run import ENGINES, Waters, sail_missions, sailing_missions
+from mrmission.report.metrics import plain
+from mrmission.tour.flight import time_model
+from mrmission.tour.separation import SeparationRules, measure, timeline
+
+GEOFENCES = Path(__file__).resolve().parents[1] / "geofences"
+BOATS_TIMES_SPEEDUP = {"light": 160.0, "ardupilot": 24.0}
+"""What two cores carry."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Case:
+    """A fleet: sample area, swath, and where each robot starts; no starts: berths side by side."""
+
+    name: str
+    title: str
+    file: str
+    robots: int
+    swath_m: float
+    starts_lonlat: tuple[tuple[float, float], ...] = ()
+
+
+CASES = (
+    Case(
+        name="harbour-2", title="Harbour, 2 landings", file="harbour", robots=2, swath_m=60.0,
+        starts_lonlat=((11.004777, 58.000615), (11.004687, 58.001238)),
+    ),
+    Case(
+        name="harbour-3", title="Harbour, 3 landings", file="harbour", robots=3, swath_m=40.0,
+        starts_lonlat=((11.004099, 58.000542), (11.004887, 58.000713), (11.003123, 58.000437)),
+    ),
+    Case(
+        name="harbour-4", title="Harbour, 4 landings", file="harbour", robots=4, swath_m=40.0,
+        starts_lonlat=(
+            (10.999878, 58.000817), (11.001793, 58.002382), (10.999591, 58.001567),
+            (11.000482, 58.00213),
+        ),
+    ),
+    Case(
+        name="moose-4", title="Moose Lake, 4 landings", file="moose_lake", robots=4, swath_m=60.0,
+        starts_lonlat=(
+            (-118.63704, 36.599027), (-118.635657, 36.59919), (-118.635357, 36.599714),
+            (-118.636335, 36.599049),
+        ),
+    ),
+    Case(
+        name="moose-berths", title="Moose Lake, berths 15 m apart", file="moose_lake", robots=4,
+        swath_m=60.0,
+    ),
+    Case(
+        name="harbour-berths", title="Harbour, berths 15 m apart", file="harbour", robots=4,
+        swath_m=40.0,
+    ),
+)  # fmt: skip
+
+
+def options_of(case: Case, separation_m: float) -> PlanOptions:
+    """Return the options of a fleet."""
+    return PlanOptions(
+        robots=case.robots,
+        swath_m=case.swath_m,
+        starts_lonlat=case.starts_lonlat,
+        separation_m=separation_m,
+        wait_in_mission=True,
+        time_budget_s=0.2,
+    )
+
+
+def predicted_m(result: FleetPlan, options: PlanOptions, *, exact: bool) -> dict[str, float]:
+    """Return how near each two robots come as predicted, by pair; times right, or wrong."""
+    asked = PlanOptions()
+    rules = SeparationRules(
+        distance_m=asked.separation_m,
+        time_share=0.0 if exact else asked.time_uncertainty,
+        start_slack_s=0.0 if exact else SeparationRules().start_slack_s,
+    )
+    lines = [timeline(p, time_model(options.of_robot(p.robot))) for p in result.paths]
+    starts = np.array([row.start_delay_s for row in result.report.robots])
+    least_m = measure(lines, starts, rules).least_m
+    robots = [line.robot for line in lines]
+    return {
+        f"{a}-{b}": float(least_m[i, j])
+        for i, a in enumerate(robots)
+        for j, b in enumerate(robots)
+        if i < j
+    }
+
+
+def voyage(case: Case, separation_m: float, engine: str, out: Path) -> None:
+    """Plan, sail, measure, and keep the results."""
+    options = options_of(case, separation_m)
+    result = plan(read_survey_area(GEOFENCES / f"{case.file}.geojson"), options)
+    speedup = min(80.0, BOATS_TIMES_SPEEDUP[engine] / case.robots)
+    waters = Waters(engine=engine, speedup=speedup)
+    name = f"{case.name}-{separation_m:g}-{engine}"
+    tracks = asyncio.run(
+        sail_missions(
+            sailing_missions(result.missions),
+            waters,
+            stage=lambda text: _say(f"{name}: {text}"),
+        )
+    )
+    driven = judge(
+        result,
+        tracks,
+        limits=Limits(cross_track_m=case.swath_m / 10),
+        delays_s={row.robot: row.start_delay_s for row in result.report.robots},
+        waters=waters.as_dict(),
+    )
+    folder = out / name
+    write_rehearsal(driven, tracks, folder, overwrite=True)
+    found = {
+        "delays_s": [row.start_delay_s for row in result.report.robots],
+        "durations_s": [row.duration_s for row in result.report.robots],
+        "turned": result.report.separation.turned,
+        "times_right_m": predicted_m(result, options, exact=True),
+        "times_wrong_m": predicted_m(result, options, exact=False),
+    }
+    text = json.dumps(plain(found), indent=2, sort_keys=True) + "\n"
+    (folder / "predicted.json").write_text(text, "utf-8")
+
+
+def _say(text: str) -> None:
+    sys.stderr.write(text + "\n")
+
+
+def _least(values: Sequence[float]) -> str:
+    return f"{min(values):.1f}" if values else "–"
+
+
+def cells(case: Case, separation_m: float, out: Path) -> list[str] | None:
+    """Return one row of the table; None where neither engine has sailed."""
+    nearest: dict[str, str] = {}
+    off: dict[str, str] = {}
+    short: dict[str, str] = {}
+    found: dict[str, Any] = {}
+    for engine in ENGINES:
+        folder = out / f"{case.name}-{separation_m:g}-{engine}"
+        if not (folder / "predicted.json").exists():
+            continue
+        driven = json.loads((folder / "rehearse.json").read_text("utf-8"))
+        found = json.loads((folder / "predicted.json").read_text("utf-8"))
+        met = {
+            "-".join(map(str, p["robots"])): p["driven"]["distance_m"]
+            for p in driven["pairs"]
+            if p["driven"] is not None
+        }
+        home = all(row["home"] for row in driven["robots"])
+        nearest[engine] = _least(list(met.values())) if home else "not all home"
+        ratios = [row["driven_s"] / row["planned_s"] - 1 for row in driven["robots"] if row["home"]]
+        off[engine] = f"{min(ratios):+.1%} … {max(ratios):+.1%}" if ratios else "–"
+        promise = found["times_wrong_m"]
+        worst = max((promise[pair] - met_m for pair, met_m in met.items()), default=-math.inf)
+        broken = sum(promise[pair] > met_m for pair, met_m in met.items())
+        short[engine] = f"{broken} of {len(promise)}" + (f", {worst:.1f} m" if broken else "")
+    if not found:
+        return None
+    return [
+        f"{case.title}, {case.robots}, {case.swath_m:g} m",
+        f"{separation_m:g} m",
+        ", ".join(f"{d:.0f}" for d in found["delays_s"]),
+        f"{max(found['durations_s']):.0f} s",
+        _least(list(found["times_right_m"].values())),
+        _least(list(found["times_wrong_m"].values())),
+        *(nearest.get(engine, "–") for engine in ENGINES),
+        *(short.get(engine, "–") for engine in ENGINES),
+        *(off.get(engine, "–") for engine in ENGINES),
+    ]
+
+
+def table(out: Path) -> str:
+    """Return the Markdown table of what a folder holds."""
+    head = [
+        "area, k, swath", "`--separation`", "delays s", "longest tour",
+        "predicted, times right", "predicted, ±5 %", "light boats", "ArduRover",
+        "pairs nearer than ±5 %: light", "ArduRover", "driven / predicted time: light",
+        "ArduRover",
+    ]  # fmt: skip
+    rows = [head, ["---"] * len(head)]
+    for case in CASES:
+        rows += [row for s in (0.0, PlanOptions().separation_m) if (row := cells(case, s, out))]
+    return "\n".join("| " + " | ".join(row) + " |" for row in rows)
+
+
+def main() -> None:
+    """Sail what is asked for, print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--case", choices=[case.name for case in CASES], action="append")
+    parser.add_argument("--engine", choices=ENGINES, action="append")
+    parser.add_argument("--table", action="store_true")
+    given = parser.parse_args()
+    if not given.table:
+        for engine in given.engine or ENGINES:
+            for case in CASES:
+                if case.name in (given.case or [case.name]):
+                    for separation_m in (0.0, PlanOptions().separation_m):
+                        voyage(case, separation_m, engine, given.out)
+    sys.stdout.write(table(given.out) + "\n")
+
+
+if __name__ == "__main__":
+    main()
