@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 import shapely
@@ -13,6 +15,9 @@ QUAD_SEGS = 16
 BESIDE_M = 0.25
 """A leg that stays this near to a line that is not counted is a leg of that line: rounding and
 merging of waypoints move legs by less."""
+MANY_PIECES = 5000
+"""Of more pieces of strips than this only those that touch another are united: a union of all
+grows faster than their number, and most are whole as they are."""
 
 
 def strips_of(region: shapely.Polygon, borders_m: FloatArray) -> list[shapely.Geometry]:
@@ -79,6 +84,24 @@ def _polygons(geometry: shapely.Geometry | npt.NDArray[np.object_]) -> list[shap
     while np.any(shapely.get_type_id(parts) > 3):
         parts = shapely.get_parts(parts)
     return list(parts[(shapely.get_type_id(parts) == 3) & (shapely.area(parts) > 0)])
+
+
+def by_size(pieces: Sequence[shapely.Polygon]) -> list[shapely.Polygon]:
+    """Return polygons, the largest first; by their bounds where that is the same."""
+    rows = np.array(pieces, dtype=object)
+    x_min, y_min, x_max, y_max = shapely.bounds(rows).reshape(-1, 4).T
+    return list(rows[np.lexsort((y_max, x_max, y_min, x_min, -shapely.area(rows)))])
+
+
+def merged(pieces: Sequence[shapely.Polygon]) -> list[shapely.Polygon]:
+    """Return the union of polygons, those that touch drawn together."""
+    rows = np.array(pieces, dtype=object)
+    if len(rows) <= MANY_PIECES:
+        return _polygons(shapely.union_all(rows))
+    first, other = shapely.STRtree(rows).query(rows, predicate="intersects")
+    touching = np.zeros(len(rows), dtype=bool)
+    touching[first[first != other]] = True
+    return _polygons(rows[~touching]) + _polygons(shapely.union_all(rows[touching]))
 
 
 class Uncovered:
@@ -151,10 +174,7 @@ class Uncovered:
         pieces = self._after_quads(legs_m, reach_m)
         pieces = pieces[shapely.area(pieces) > floor_m2]
         left = subtract_legs(pieces, legs_m, reach_m)
-        if not left:
-            return []
-        merged = shapely.union_all(np.array(left, dtype=object))
-        return sorted(_polygons(merged), key=lambda p: (-p.area, p.bounds))
+        return by_size(merged(left)) if left else []
 
     def counts(self, legs_m: FloatArray) -> BoolArray:
         """Return (n,) which legs of (n, 2, 2), sweep frame, count as coverage."""

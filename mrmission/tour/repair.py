@@ -12,7 +12,7 @@ import shapely
 from mrmission.errors import PlanningError
 from mrmission.model import CoveragePath, FloatArray, LegKind
 from mrmission.routing.harbour import Harbour
-from mrmission.tour.coverage import Uncovered, subtract_legs
+from mrmission.tour.coverage import Uncovered, by_size, subtract_legs
 from mrmission.tour.path import legs_of, make_path
 from mrmission.tour.sweep import SweepFrame
 from mrmission.tour.timing import TimeModel
@@ -39,7 +39,7 @@ class _Extra:
 
 def total_area(pieces: Sequence[shapely.Polygon]) -> float:
     """Return the summed area."""
-    return float(sum(p.area for p in pieces))
+    return float(sum(shapely.area(np.array(pieces, dtype=object)).tolist()))
 
 
 def pieces_to_repair(
@@ -53,11 +53,13 @@ def pieces_to_repair(
     big = slack * PIECE_SHARE * swath_m**2
     allowed = slack * REMAINDER_SHARE * region_m2
     chosen, rest = [], total_area(pieces)
-    for piece in sorted(pieces, key=lambda p: (-p.area, p.bounds)):
-        if piece.area <= big and rest <= allowed:
+    ordered = by_size(pieces)
+    areas = shapely.area(np.array(ordered, dtype=object)).tolist()
+    for piece, area in zip(ordered, areas, strict=True):
+        if area <= big and rest <= allowed:
             break
         chosen.append(piece)
-        rest -= piece.area
+        rest -= area
     return chosen
 
 

@@ -7,7 +7,16 @@ import pytest
 import shapely
 from lakes import random_lake_m
 
-from mrmission.tour.coverage import Uncovered, leg_buffers, leg_quads, strips_of, subtract_legs
+from mrmission.tour import coverage
+from mrmission.tour.coverage import (
+    Uncovered,
+    by_size,
+    leg_buffers,
+    leg_quads,
+    merged,
+    strips_of,
+    subtract_legs,
+)
 
 
 def random_legs(rng: np.random.Generator, region: shapely.Geometry, count: int) -> np.ndarray:
@@ -67,6 +76,20 @@ def test_pieces_are_sorted_whole_and_above_the_floor() -> None:
         floored = uncovered.remainder(legs, floor_m2=5.0)
         lost = sum(areas) - sum(p.area for p in floored)
         assert -1e-9 <= lost <= 5.0 * sum(a > 0 for a in areas) + 5.0 * 20
+
+
+def test_many_pieces_are_united_as_few_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(8)
+    corner = rng.uniform(0, 300, (150, 2))
+    boxes = [shapely.box(x, y, x + 12, y + 12) for x, y in corner]
+    few = by_size(merged(boxes))
+    monkeypatch.setattr(coverage, "MANY_PIECES", 10)
+    many = by_size(merged(boxes))
+    assert len({p.wkt for p in boxes} & {p.wkt for p in many}) > 5  # some touch nothing
+    assert 5 < len(few) < len(boxes) - 5
+    assert len(few) == len(many)
+    assert all(a.equals(b) for a, b in zip(few, many, strict=True))
+    assert [p.area for p in few] == sorted((p.area for p in few), reverse=True)
 
 
 def test_no_legs_leave_everything() -> None:
