@@ -3,7 +3,8 @@
     python docs/measure_separation.py OUT                    light boats, then ArduRover
     python docs/measure_separation.py OUT --engine light     light boats alone
     python docs/measure_separation.py OUT --case harbour-3   one fleet
-    python docs/measure_separation.py OUT --table            the table of what OUT holds
+    python docs/measure_separation.py OUT --random 40 --engine light    random landings instead
+    python docs/measure_separation.py OUT --table            the tables of what OUT holds
 
 Each fleet is planned twice, with `--separation 0` and with the default, and both plans are sailed.
 The missions wait by themselves (`--wait-in-mission`), so the delays are sailed too. ArduRover is
@@ -23,9 +24,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import shapely
 
+from mrmission.area.frame import LocalFrame, project_polygons
 from mrmission.area.geojson import read_survey_area
-from mrmission.model import FleetPlan
+from mrmission.model import FleetPlan, SurveyArea
 from mrmission.options import PlanOptions
 from mrmission.pipeline import plan
 from mrmission.rehearse.files import write_rehearsal
@@ -86,6 +89,27 @@ CASES = (
 )  # fmt: skip
 
 
+def random_case(number: int) -> Case:
+    """Return a fleet of two to four boats from landings along the shore of the harbour, by lot."""
+    rng = np.random.default_rng(number)
+    robots = 2 + number % 3
+    area = _area(CASES[0])
+    frame = LocalFrame.of(area)
+    water = project_polygons(area.water_lonlat, frame)
+    shore = max(shapely.get_parts(water.buffer(-11.0)), key=lambda part: part.area).exterior
+    along_m = rng.uniform(0.0, shore.length) + rng.uniform(25.0, 90.0) * rng.permutation(robots)
+    places = shapely.line_interpolate_point(shore, along_m % shore.length)
+    lonlat = np.round(frame.to_lonlat(shapely.get_coordinates(places)), 6)
+    return Case(
+        name=f"random-{number}", title="Harbour, landings by lot", file="harbour", robots=robots,
+        swath_m=40.0, starts_lonlat=tuple((float(x), float(y)) for x, y in lonlat),
+    )  # fmt: skip
+
+
+def _area(case: Case) -> SurveyArea:
+    return read_survey_area(GEOFENCES / f"{case.file}.geojson", part=None, islands=False)
+
+
 def options_of(case: Case, separation_m: float) -> PlanOptions:
     """Return the options of a fleet."""
     return PlanOptions(
@@ -121,7 +145,7 @@ def predicted_m(result: FleetPlan, options: PlanOptions, *, exact: bool) -> dict
 def voyage(case: Case, separation_m: float, engine: str, out: Path) -> None:
     """Plan, sail, measure, and keep the results."""
     options = options_of(case, separation_m)
-    result = plan(read_survey_area(GEOFENCES / f"{case.file}.geojson"), options)
+    result = plan(_area(case), options)
     speedup = min(80.0, BOATS_TIMES_SPEEDUP[engine] / case.robots)
     waters = Waters(engine=engine, speedup=speedup)
     name = f"{case.name}-{separation_m:g}-{engine}"
@@ -214,21 +238,59 @@ def table(out: Path) -> str:
     return "\n".join("| " + " | ".join(row) + " |" for row in rows)
 
 
+def lots(out: Path) -> str:
+    """Return what the fleets with landings by lot brought, a Markdown table."""
+    head = [
+        "engine", "`--separation`", "fleets", "pairs", "20 m apart with ±5 %",
+        "… of these nearer when sailed", "all pairs nearer when sailed", "nearest two",
+    ]  # fmt: skip
+    rows = [head, ["---"] * len(head)]
+    asked_m = PlanOptions().separation_m
+    for engine in ENGINES:
+        for separation_m in (0.0, asked_m):
+            both: list[tuple[float, float]] = []
+            folders = sorted(out.glob(f"random-*-{separation_m:g}-{engine}"))
+            for folder in folders:
+                driven = json.loads((folder / "rehearse.json").read_text("utf-8"))
+                found = json.loads((folder / "predicted.json").read_text("utf-8"))
+                for pair in driven["pairs"]:
+                    promise = found["times_wrong_m"]["-".join(map(str, pair["robots"]))]
+                    if pair["driven"] is not None:
+                        both.append((promise, pair["driven"]["distance_m"]))
+            if not folders:
+                continue
+            kept = [met for promise, met in both if promise >= asked_m]
+            rows.append(
+                [
+                    engine,
+                    f"{separation_m:g} m",
+                    str(len(folders)),
+                    str(len(both)),
+                    str(len(kept)),
+                    str(sum(met < asked_m for met in kept)),
+                    str(sum(met < asked_m for _, met in both)),
+                    f"{min(met for _, met in both):.1f} m",
+                ]
+            )
+    return "\n".join("| " + " | ".join(row) + " |" for row in rows)
+
+
 def main() -> None:
     """Sail what is asked for, print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("out", type=Path)
     parser.add_argument("--case", choices=[case.name for case in CASES], action="append")
     parser.add_argument("--engine", choices=ENGINES, action="append")
+    parser.add_argument("--random", type=int, default=0, metavar="N")
     parser.add_argument("--table", action="store_true")
     given = parser.parse_args()
     if not given.table:
         for engine in given.engine or ENGINES:
-            for case in CASES:
-                if case.name in (given.case or [case.name]):
+            for case in map(random_case, range(given.random)) if given.random else CASES:
+                if given.random or case.name in (given.case or [case.name]):
                     for separation_m in (0.0, PlanOptions().separation_m):
                         voyage(case, separation_m, engine, given.out)
-    sys.stdout.write(table(given.out) + "\n")
+    sys.stdout.write(table(given.out) + "\n\n" + lots(given.out) + "\n")
 
 
 if __name__ == "__main__":
