@@ -22,7 +22,8 @@ import numpy as np
 
 from mrmission.errors import InfeasibleError
 from mrmission.minmax.problem import LaneProblem
-from mrmission.mission.items import KindArray, count_items
+from mrmission.minmax.trip_items import ItemCounts, turning
+from mrmission.mission.items import count_items
 from mrmission.model import CoveragePath, FloatArray, LegKind
 from mrmission.options import PlanOptions
 from mrmission.tour.path import join_pieces
@@ -38,8 +39,6 @@ BORDERS = 128
 """Where items alone bind and a tour has twice as many stretches as this, about so many of the
 places between them are looked at for borders of trips: each needs the ways home from there."""
 _BISECTIONS = 14
-STRAIGHT = 1e-6
-"""Sine of the angle from which on the next leg does not go straight on."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,6 +73,11 @@ class Allowance:
         return math.isinf(self.seconds) and math.isinf(self.metres)
 
 
+def as_it_is(path: CoveragePath) -> CoveragePath:
+    """Return the path itself: nothing becomes of it before it is exported."""
+    return path
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Gauge:
     """Measures what a path uses of a robot's allowance.
@@ -95,8 +99,14 @@ class Gauge:
     allowance: Allowance
     time: TimeModel
     options: PlanOptions
-    shaped: Callable[[CoveragePath], CoveragePath] = lambda path: path
+    shaped: Callable[[CoveragePath], CoveragePath] = as_it_is
     exported: bool = False
+
+    @property
+    def counts_turns(self) -> bool:
+        """Return whether a path uses nothing but items, one for each leg to where it turns."""
+        plain = self.shaped is as_it_is and not self.exported
+        return plain and self.allowance.endless and self.options.trigger_distance_m <= 0
 
     def used(self, path: CoveragePath) -> float:
         """Return the largest share of the allowance that a path uses; 1 is all."""
@@ -107,7 +117,7 @@ class Gauge:
         if math.isfinite(self.allowance.metres):
             out = max(out, _length_m(path.points_m) / self.allowance.metres)
         if math.isfinite(self.allowance.items):
-            kinds = path.kind if self.exported else _turning(path)
+            kinds = path.kind if self.exported else turning(path)
             out = max(out, count_items(kinds, self.options) / self.allowance.items)
         return out
 
@@ -202,6 +212,7 @@ class TripCutter:
         self._gauge = gauge
         self.allowed = allowed
         self._used: dict[tuple[int, int], float] = {}
+        self._items: ItemCounts | None = None
         whole = stretches_of(path)
         self._set(whole)
         if allowed < self.largest() and len(self):
@@ -216,6 +227,7 @@ class TripCutter:
         count = len(self._lines)
         many = sparsely and self._gauge.allowance.endless and count >= 2 * BORDERS
         self._borders = [*range(0, count, count // BORDERS if many else 1), count]
+        self._items = None
         if not self._lines:
             self._out, self._back = {}, {}
             return
@@ -227,6 +239,9 @@ class TripCutter:
         self._out = dict(zip(first, found, strict=False))
         back = (way[::-1] for way in found[len(heads) :])
         self._back = dict(zip(last, back, strict=True))
+        moving = all(np.any(line[1:] != line[:-1]) for line in self._lines)
+        if self._gauge.counts_turns and moving:
+            self._items = ItemCounts(self._lines, self._ways, self._out, self._back)
 
     def __len__(self) -> int:
         return len(self._lines)
@@ -249,7 +264,10 @@ class TripCutter:
     def used(self, first: int, end: int) -> float:
         """Return the share of the allowance that such a trip uses."""
         key = (first, end)
-        if key not in self._used:
+        if key not in self._used and self._items is not None:
+            items = self._items.count(first, end, self._gauge.options)
+            self._used[key] = items / self._gauge.allowance.items
+        elif key not in self._used:
             self._used[key] = self._gauge.used(self.trip(first, end))
         return self._used[key]
 
@@ -413,20 +431,6 @@ class TooFarError(InfeasibleError):
             f"a place at east {place_m[0]:.0f} m, north {place_m[1]:.0f} m cannot be reached and "
             "returned from on one trip"
         )
-
-
-def _turning(path: CoveragePath) -> KindArray:
-    """Return the kinds of a path's legs, those that go straight on left out: they are one item."""
-    kind = np.asarray(path.kind)
-    if len(kind) < 2:
-        return kind
-    leg = np.diff(path.points_m, axis=0)
-    length = np.hypot(leg[:, 0], leg[:, 1])
-    cross = leg[:-1, 0] * leg[1:, 1] - leg[:-1, 1] * leg[1:, 0]
-    straight = np.abs(cross) < STRAIGHT * length[:-1] * length[1:]
-    straight &= (leg[:-1] * leg[1:]).sum(axis=1) > 0
-    straight &= kind[:-1] == kind[1:]
-    return kind[np.append(~straight, True)]
 
 
 def _length_m(points_m: FloatArray) -> float:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 import pyproj
@@ -255,6 +256,12 @@ def _names(runs: Sequence[_Run], lines: Sequence[SurveyLine]) -> list[str]:
     return names
 
 
+@cache
+def _earth() -> pyproj.Geod:
+    """Return the ellipsoid; to make one takes longer than to measure on it."""
+    return pyproj.Geod(ellps="WGS84")
+
+
 def _row(
     run: _Run, name: str, kind: str, legs: _Legs, mission: Mission, frame: LocalFrame
 ) -> LineReport:
@@ -271,7 +278,7 @@ def _row(
     start, end = place(*run.first), place(*run.last)
     bearing: float | None = None
     if start != end:
-        bearing = float(pyproj.Geod(ellps="WGS84").inv(*start, *end)[0]) % 360.0
+        bearing = float(_earth().inv(*start, *end)[0]) % 360.0
     return LineReport(
         name=name,
         kind=kind,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import shapely
@@ -31,8 +31,19 @@ class Coverage:
     notes: tuple[str, ...] = ()
 
 
-def export_part(part: PartPlan, frame: LocalFrame) -> tuple[list[Route], Coverage]:
+def export_part(
+    part: PartPlan, frame: LocalFrame, *, fits: Callable[[list[Route]], bool] = lambda _: True
+) -> tuple[list[Route], Coverage | None]:
     """Return the routes in exported, rounded coordinates, complete as measured on these.
+
+    Parameters
+    ----------
+    part
+        With its tours.
+    frame
+        Local frame of the plan.
+    fits
+        Whether routes will do. What those that do not cover is not measured: None.
 
     Raises
     ------
@@ -59,6 +70,8 @@ def export_part(part: PartPlan, frame: LocalFrame) -> tuple[list[Route], Coverag
     else:
         worst = max(p.area for p in pieces)
         raise PlanningError(f"{worst:.2f} m² stay uncovered: choose another --angle or --swath")
+    if not fits(routes):
+        return routes, None
     by_survey = work.uncovered.remainder(
         fleet_legs([r.path for r in routes], turn, lanes_alone=True), exact=True
     )

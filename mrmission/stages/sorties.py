@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 from mrmission.area.frame import LocalFrame
 from mrmission.errors import InfeasibleError, PlanningError
@@ -75,10 +76,10 @@ def export_in_sorties(
             shared = sorties.shared_out(ITEMS_ROOM)
             part = shared or sorties.trips(allowed)
         for attempt in range(ROUNDS):
-            routes, coverage = export_part(part, frame)
-            measured = sorties.base.measured(part, routes)
-            if max(measured) <= 1.0:
+            routes, coverage = export_part(part, frame, fits=partial(sorties.base.fit, part))
+            if coverage is not None:
                 return part, routes, coverage
+            measured = sorties.base.measured(part, routes)
             if part is shared:  # it fitted, but not with what covers the rest: trips after all
                 shared, part = None, sorties.trips(allowed)
                 continue

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from mrmission.minmax.trips import Allowance, Gauge, TripCutter
+from mrmission.minmax.trips import Allowance, Gauge, TripCutter, as_it_is
 from mrmission.mission.build import Route
 from mrmission.model import CoveragePath, FloatArray
 from mrmission.tour.turnaround import with_turnarounds
@@ -56,9 +56,13 @@ class TripWork:
     def measured(self, part: PartPlan, routes: Sequence[Route]) -> list[float]:
         """Return what each route uses of its robot's allowance, as it is exported."""
         return [
-            replace(self.gauges[self.row[robot]], shaped=_as_it_is, exported=True).used(route.path)
+            replace(self.gauges[self.row[robot]], shaped=as_it_is, exported=True).used(route.path)
             for robot, route in zip(part.work.robots, routes, strict=True)
         ]
+
+    def fit(self, part: PartPlan, routes: Sequence[Route]) -> bool:
+        """Return whether no route uses more than its robot's allowance."""
+        return max(self.measured(part, routes)) <= 1.0
 
     def full_s(self, row: int) -> float:
         """Return how long a full trip of a robot takes, s."""
@@ -122,15 +126,11 @@ class TripWork:
         )
 
 
-def _as_it_is(path: CoveragePath) -> CoveragePath:
-    return path
-
-
 def _shape(work: PartWork) -> Callable[[CoveragePath], CoveragePath]:
     """Return what becomes of a path before it is exported."""
     options = work.options
     run_in_m, run_out_m = options.runs_m
     if max(run_in_m, run_out_m) <= 0:
-        return _as_it_is
+        return as_it_is
     limits = None if options.vehicle == "copter" else work.region_m
     return lambda path: with_turnarounds(path, run_in_m, limits, run_out_m)

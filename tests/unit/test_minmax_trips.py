@@ -137,6 +137,26 @@ def test_of_many_lines_some_ways_home_do(monkeypatch: pytest.MonkeyPatch, items:
     assert len(exact) <= len(paths) <= 1.5 * len(exact) + 1
 
 
+@pytest.mark.parametrize("transit_m_s", [2.0, 3.0])
+def test_items_of_a_trip_are_those_of_its_path(transit_m_s: float) -> None:
+    rng = np.random.default_rng(11)
+    options = PlanOptions(survey_speed_m_s=2.0, transit_speed_m_s=transit_m_s)
+    measure = Gauge(allowance=Allowance(items=7.0), time=TIME, options=options)
+    grid = rng.integers(-3, 4, (40, 2)).astype(float)  # many legs go straight on, some meet
+    lines = [grid[i : i + n] for i, n in zip(range(0, 36, 3), [2, 3, 4, 2] * 3, strict=True)]
+    lines = [line for line in lines if np.any(line[1:] != line[:-1])]
+
+    def ways(points_m: FloatArray) -> list[FloatArray]:
+        return [np.array([HOME, 0.5 * p, [p[0], 0.0], p]) for p in points_m]
+
+    cutter = TripCutter(tour(lines), ways, measure, 1e9)
+    pairs = [(a, b) for a in range(len(cutter)) for b in range(a + 1, len(cutter) + 1)]
+    assert measure.counts_turns
+    assert [cutter.used(a, b) for a, b in pairs] == [
+        measure.used(cutter.trip(a, b)) for a, b in pairs
+    ]
+
+
 def test_a_line_longer_than_a_trip_is_cut() -> None:
     line = np.array([[100.0, -2000.0], [100.0, 2000.0]])
     measure = gauge(metres=4800.0)
