@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cache
 
 import numpy as np
 
@@ -13,6 +14,8 @@ MAX_CHAIN = 24
 MAX_DETOUR_SHARE = 0.02
 MAX_DETOUR_M = 1.0
 """A way may become longer by this share of its length, or by this much if that is more."""
+AT_ONCE = 20_000
+"""Points of ways that are looked at together: enough for long rows, little enough for memory."""
 _MAX_TURN_COS = -0.5
 
 Visible = Callable[[FloatArray, FloatArray], BoolArray]
@@ -33,53 +36,86 @@ def straighten(ways: Sequence[FloatArray], visible: Visible) -> list[FloatArray]
     visible
         Tells for the pairs of two (m, 2) arrays whether the segment between them is in the water.
     """
-    found = [_corners(way) for way in ways]
-    corner = np.concatenate([np.zeros((0, 2)), *(f[1] for f in found)])
-    ends = [way[runs] for way, (runs, _, _) in zip(ways, found, strict=True)]
-    before, after = np.moveaxis(np.concatenate([np.zeros((0, 2, 2)), *ends]), 1, 0)
+    out: list[FloatArray] = []
+    first = 0
+    for last in range(1, len(ways) + 1):
+        if last == len(ways) or sum(map(len, ways[first:last])) >= AT_ONCE:
+            out += _straightened(ways[first:last], visible)
+            first = last
+    return out
+
+
+def _straightened(ways: Sequence[FloatArray], visible: Visible) -> list[FloatArray]:
+    """Return ways as `straighten` does, all in one go."""
+    start, runs, corner, extra, before, after = _corners(ways)
     if len(corner) == 0:
         return list(ways)
     free = visible(before, corner)
     free[free] = visible(corner[free], after[free])
-    out, at = [], 0
-    for way, (runs, corners, extra) in zip(ways, found, strict=True):
-        mine = free[at : at + len(runs)]
-        at += len(runs)
-        out.append(_fewest(way, runs[mine], corners[mine], extra[mine]) if mine.any() else way)
-    return out
+    at = np.concatenate([[0], np.cumsum(free)])[start].tolist()
+    runs, corner, extra = runs[free], corner[free], extra[free]
+    return [
+        _fewest(way, runs[a:b], corner[a:b], extra[a:b]) if b > a else way
+        for way, a, b in zip(ways, at[:-1], at[1:], strict=True)
+    ]
 
 
-def _corners(way: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Return runs (r, 2) of bends i..j, the corner of each, and what it adds to the length."""
-    n = len(way)
-    nothing = (np.zeros((0, 2), dtype=np.int64), np.zeros((0, 2)), np.zeros(0))
-    if n < 4:
-        return nothing
-    i, j = np.triu_indices(n - 2, 1)
-    i, j = i + 1, j + 1
+@cache
+def _runs(points: int) -> IntArray:
+    """Return (r, 2) runs of bends i..j of a way of so many points, those that are not too long."""
+    i, j = np.triu_indices(points - 2, 1)
     kept = j - i < MAX_CHAIN
-    i, j = i[kept], j[kept]
-    leg = np.diff(way, axis=0)
+    return np.column_stack([i[kept], j[kept]]) + 1
+
+
+def _corners(
+    ways: Sequence[FloatArray],
+) -> tuple[IntArray, IntArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return runs of bends i..j of ways that one corner can stand for.
+
+    Returns
+    -------
+    start
+        (ways + 1,) where the runs of each begin.
+    runs, corner, extra
+        (r, 2) bends, (r, 2) corners, (r,) what each adds to the length.
+    before, after
+        (r, 2) the ends of each run.
+    """
+    size = np.array([len(way) for way in ways], dtype=np.int64)
+    offset = np.cumsum(size) - size
+    points = np.concatenate([np.zeros((0, 2)), *ways])
+    leg = np.diff(points, axis=0)
     length = np.hypot(leg[:, 0], leg[:, 1])
     unit = leg / np.maximum(length, 1e-12)[:, None]
+    prefix = np.zeros(len(points))
+    allowed = np.zeros(len(ways))
+    for k, (at, n) in enumerate(zip(offset.tolist(), size.tolist(), strict=True)):
+        if n >= 4:
+            prefix[at + 1 : at + n] = np.cumsum(length[at : at + n - 1])
+            allowed[k] = max(MAX_DETOUR_M, MAX_DETOUR_SHARE * prefix[at + n - 1])
+    local = [_runs(n) if n >= 4 else np.zeros((0, 2), dtype=np.int64) for n in size.tolist()]
+    of_way = np.repeat(np.arange(len(ways)), [len(own) for own in local])
+    runs = np.concatenate([np.zeros((0, 2), dtype=np.int64), *local])
+    i, j = (runs + offset[of_way][:, None]).T
     u, v = unit[i - 1], unit[j]
     cross = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
-    gap = way[j] - way[i]  # = ahead * u + back * v, and the corner is way[i] + ahead * u
+    gap = points[j] - points[i]  # = ahead * u + back * v, and the corner is points[i] + ahead * u
     safe = np.where(np.abs(cross) > 1e-9, cross, 1.0)
     ahead = (gap[:, 0] * v[:, 1] - gap[:, 1] * v[:, 0]) / safe
     back = (gap[:, 1] * u[:, 0] - gap[:, 0] * u[:, 1]) / safe
-    prefix = np.concatenate([[0.0], np.cumsum(length)])
     extra = ahead + back - (prefix[j] - prefix[i])
-    allowed = max(MAX_DETOUR_M, MAX_DETOUR_SHARE * prefix[-1])
     good = (
         (np.abs(cross) > 1e-9)
         & (ahead > 0)
         & (back > 0)
         & ((u * v).sum(axis=1) > _MAX_TURN_COS)
-        & (extra <= allowed)
+        & (extra <= allowed[of_way])
     )
+    start = np.searchsorted(of_way[good], np.arange(len(ways) + 1))
     i, j = i[good], j[good]
-    return np.column_stack([i, j]), way[i] + ahead[good, None] * u[good], extra[good]
+    corner = points[i] + ahead[good, None] * u[good]
+    return start, runs[good], corner, extra[good], points[i], points[j]
 
 
 def _fewest(way: FloatArray, runs: IntArray, corners: FloatArray, extra: FloatArray) -> FloatArray:

@@ -51,3 +51,16 @@ def test_land_outside_a_bend_keeps_it() -> None:
     free = straighten([way], lambda a, b: np.ones(len(a), dtype=bool))
     assert len(blocked[0]) == 4
     assert free[0].tolist() == [[0.0, 0.0], [12.0, 0.0], [12.0, 12.0]]
+
+
+def test_ways_looked_at_together_are_as_one_by_one() -> None:
+    rng = np.random.default_rng(4)
+    ways = [np.cumsum(rng.uniform(0, 5, (n, 2)), axis=0) for n in rng.integers(2, 40, 60)]
+
+    def visible(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        return np.hypot(*(b - a).T) % 1.0 < 0.7
+
+    together = straighten(ways, visible)
+    alone = [straighten([way], visible)[0] for way in ways]
+    assert sum(len(way) for way in together) < sum(len(way) for way in ways)
+    assert all(np.array_equal(a, b) for a, b in zip(together, alone, strict=True))
