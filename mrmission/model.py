@@ -220,8 +220,8 @@ class RallyPoint:
 class LineReport:
     """A stretch of a mission along one survey line.
 
-    ``kind`` is lane, shore, tie or extra. It begins on the way from item ``from_item`` on and
-    ends on the way to ``to_item``, both included; ``bearing_deg`` is that from its start to its
+    ``kind`` is lane, fairway, shore, tie or extra. It begins on the way from item ``from_item`` on
+    and ends on the way to ``to_item``, both included; ``bearing_deg`` is that from its start to its
     end as it is swept, None where it ends where it starts. ``length_m`` leaves out detours.
     """
 

@@ -85,6 +85,7 @@ class PlanOptions:
     method: str = "minmax"
     angle_deg: float | None = None
     across_wind_deg: float | None = None
+    fairway: bool | None = None
     vehicle: str = "boat"
     altitude_m: float = 30.0
     altitude_above: str = "home"
@@ -245,6 +246,16 @@ class PlanOptions:
                 f"--angle {self.angle_deg:g} and --across-wind {self.across_wind_deg:g}: "
                 "both say how the lanes lie; give one of them"
             )
+        for flag, other in (
+            ("--shore-laps", self.shore_laps),
+            ("--tie-lines", self.tie_lines),
+            ("--method", "" if self.method == "minmax" else self.method),
+        ):
+            if self.fairway and other:
+                raise ConfigError(
+                    f"--fairway with {flag} {other}: a fairway goes with plain lanes of the lane "
+                    f"planner alone; leave out --fairway or {flag}"
+                )
         check(
             len(self.starts_lonlat) in (0, 1, self.robots),
             "--start",
@@ -316,6 +327,18 @@ class PlanOptions:
         if self.across_wind_deg is not None:
             asked = self.across_wind_deg + 90.0
         return None if asked is None else asked % 180.0
+
+    @property
+    def may_have_fairway(self) -> bool:
+        """Return whether lanes across the others may be made, where a plan with them is shorter.
+
+        Not where the user says how lanes are to lie, and not together with shore laps or tie lines:
+        those belong to lanes of one bearing.
+        """
+        if self.fairway is not None:
+            return self.fairway
+        plain = self.bearing_deg is None and not self.shore_laps and self.tie_lines is None
+        return plain and self.method == "minmax"
 
     @property
     def lanes_alone_count(self) -> bool:

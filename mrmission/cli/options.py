@@ -147,6 +147,13 @@ _PLAN = [
         help="Lanes across a wind or current that comes from DEG, instead of --angle.",
     ),
     click.option(
+        "--fairway/--no-fairway",
+        "fairway",
+        default=None,
+        help="Lanes across the others, swept on the way out and home, where that brings the last "
+        "robot home earlier.  [default: with a bearing that is found]",
+    ),
+    click.option(
         "--vehicle",
         type=click.Choice(VEHICLES),
         default=DEFAULT.vehicle,

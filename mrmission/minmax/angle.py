@@ -15,6 +15,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import zip_longest
+from typing import Protocol
 
 import numpy as np
 import shapely
@@ -25,7 +27,8 @@ from mrmission.minmax.slivers import Lanes, look
 from mrmission.minmax.travel import DENSE_ENDS
 from mrmission.model import FloatArray
 from mrmission.routing.harbour import Harbour
-from mrmission.tour.sweep import SweepFrame, columns_of
+from mrmission.tour.fairway import Columns, Fairway, beside_fairway, fairway_of, fairway_rows
+from mrmission.tour.sweep import ROWS_PER_COLUMN, SweepFrame, columns_of
 from mrmission.tour.timing import TimeModel
 from mrmission.tour.work import PartWork
 
@@ -67,6 +70,17 @@ TURN_COLUMNS = 3.0
 """Ways shorter than so many columns follow the shore."""
 
 
+class WorkAt(Protocol):
+    """Makes the work of a part under a bearing, with or without a fairway."""
+
+    def __call__(self, bearing_deg: float, *, fairway: bool = False) -> PartWork:
+        """Return the work."""
+
+
+Candidate = tuple[int, bool]
+"""The number of a bearing, and whether with a fairway."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tried:
     """A candidate and the seconds that were expected of it, by the last round it was in."""
@@ -74,6 +88,7 @@ class Tried:
     bearing_deg: float
     round: int
     makespan_s: float
+    fairway: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,13 +101,16 @@ class BearingChoice:
         Compass bearing of the lanes, at least 0 and below 180.
     budget_left_s
         Of the time budget, for the plan itself.
+    fairway
+        Whether the plan is to have a fairway, see :mod:`mrmission.tour.fairway`.
     tried
-        All candidates in the order they were thought of.
+        All candidates in the order they were thought of; those with a fairway come last.
     """
 
     bearing_deg: float
     budget_left_s: float
-    tried: tuple[Tried, ...]
+    fairway: bool = False
+    tried: tuple[Tried, ...] = ()
 
 
 def candidate_bearings(region_m: shapely.Polygon, spacing_m: float) -> tuple[float, ...]:
@@ -171,7 +189,9 @@ def choose_bearing(
     *,
     time_budget_s: float,
     seed: int = 0,
-    work_at: Callable[[float], PartWork] | None = None,
+    work_at: WorkAt | None = None,
+    asked_deg: float | None = None,
+    fairway: bool = False,
 ) -> BearingChoice:
     """Choose the bearing of the lanes by cheap plans for this fleet.
 
@@ -193,50 +213,89 @@ def choose_bearing(
         Of the search.
     work_at
         The work of the part under a bearing; without it there is no last round.
+    asked_deg
+        The bearing, where only the fairway is to be decided.
+    fairway
+        Whether candidates of the last round are planned with a fairway too.
     """
     from mrmission.minmax.planner import BUDGET_PER_LINE_S
     from mrmission.minmax.search import minmax
 
-    bearings = candidate_bearings(region_m, spacing_m)
+    bearings = (asked_deg,) if asked_deg is not None else candidate_bearings(region_m, spacing_m)
     views = [_View.of(region_m, bearing, spacing_m) for bearing in bearings]
     rough = np.array([view.rough_s(time) for view in views]) / len(homes_m)
-    tried = [
-        Tried(bearing_deg=b, round=0, makespan_s=float(s))
-        for b, s in zip(bearings, rough, strict=True)
-    ]
-    ranked = [int(i) for i in np.argsort(rough, kind="stable") if rough[i] <= WORSE * rough.min()]
-    lanes = max(len(views[ranked[0]].lanes.x_m), 1)
+    tried = {
+        (i, False): Tried(bearing_deg=b, round=0, makespan_s=float(s))
+        for i, (b, s) in enumerate(zip(bearings, rough, strict=True))
+    }
+    by_rough = [int(i) for i in np.argsort(rough, kind="stable")]
+    ranked = [(i, False) for i in by_rough if rough[i] <= WORSE * rough.min()]
+    lanes = max(len(views[by_rough[0]].lanes.x_m), 1)
     share_s = BUDGET_SHARE * min(time_budget_s, BUDGET_PER_LINE_S * max(lanes, FEW_LANES))
-    planned, real, effort = _affordable(share_s, lanes, len(ranked), last_round=work_at is not None)
+    planned, real, effort = _affordable(
+        share_s, lanes, len(ranked), last_round=work_at is not None, either=fairway
+    )
     left_s = time_budget_s
 
-    def next_round(number: int, count: int, problem_at: Callable[[int], LaneProblem]) -> None:
-        nonlocal left_s, ranked
+    def by_makespan(
+        number: int, candidates: list[Candidate], problem_of: Callable[[Candidate], LaneProblem]
+    ) -> list[Candidate]:
+        nonlocal left_s
         search_s = effort * _search_s(number, lanes)
-        cost = []
-        for i in ranked[:count]:
+        took_s = []
+        for i, way in candidates:
             try:
-                makespan_s = float(minmax(problem_at(i), search_s, seed).cost.max())
+                makespan_s = float(minmax(problem_of((i, way)), search_s, seed).cost.max())
             except PlanningError:  # no lane or no tie line at this bearing, maybe at another
                 makespan_s = float("inf")
-            cost.append(makespan_s)
-            tried[i] = Tried(bearing_deg=bearings[i], round=number, makespan_s=cost[-1])
-        ranked = [ranked[j] for j in np.argsort(cost, kind="stable")]
-        left_s -= count * (search_s + _made_s(number, lanes))
+            took_s.append(makespan_s)
+            tried[i, way] = Tried(
+                bearing_deg=bearings[i], round=number, makespan_s=makespan_s, fairway=way
+            )
+        left_s -= len(candidates) * (search_s + _made_s(number, lanes))
+        return [candidates[j] for j in np.argsort(took_s, kind="stable")]
 
+    if fairway and planned + real > 0:
+        ways = [(i, views[i].fairway(homes_m)) for i, _ in ranked]
+        ranked = [(i, w) for i, way in ways for w in ((True, False) if way else (False,))]
     if planned >= 2:
-        next_round(1, planned, lambda i: views[i].problem(harbour, homes_m, time, spacing_m))
+
+        def cheap(candidate: Candidate) -> LaneProblem:
+            view = views[candidate[0]]
+            way = view.fairway(homes_m) if candidate[1] else None
+            return view.problem(harbour, homes_m, time, spacing_m, way)
+
+        ranked = by_makespan(1, ranked[:planned], cheap)
     if work_at is not None and real >= 2:
         make = work_at
-        # lanes and slivers alone are often right where short searches mislead: the best by either
-        by_rough = np.argsort(rough, kind="stable").tolist()
-        ranked = list(
-            dict.fromkeys(i for pair in zip(ranked, by_rough, strict=False) for i in pair)
+        ranked = by_makespan(
+            2,
+            _last_round(ranked, by_rough)[:real],
+            lambda c: _real_problem(make(bearings[c[0]], fairway=c[1])),
         )
-        next_round(2, real, lambda i: _real_problem(make(bearings[i])))
+    best, with_fairway = ranked[0]
     return BearingChoice(
-        bearing_deg=bearings[ranked[0]], budget_left_s=max(left_s, 0.0), tried=tuple(tried)
+        bearing_deg=bearings[best],
+        budget_left_s=max(left_s, 0.0),
+        fairway=with_fairway,
+        tried=tuple(tried.values()),
     )
+
+
+def _last_round(ranked: list[Candidate], by_rough: list[int]) -> list[Candidate]:
+    """Return the candidates of the last round, the most promising first.
+
+    The best is planned with a fairway and without one. Lanes and slivers alone are often right
+    where short searches mislead: the others are the best by either.
+    """
+    best, way = ranked[0]
+    order = [ranked[0]]
+    if (best, not way) in ranked:
+        order.append((best, not way))
+    for candidate, rough in zip_longest(ranked, by_rough):
+        order += [] if candidate is None else [candidate]
+        order += [] if rough is None or (rough, way) not in ranked else [(rough, way)]
+    return list(dict.fromkeys(order))
 
 
 def _made_s(number: int, lanes: int) -> float:
@@ -252,19 +311,23 @@ def _search_s(number: int, lanes: int) -> float:
 
 
 def _affordable(
-    share_s: float, lanes: int, candidates: int, *, last_round: bool
+    share_s: float, lanes: int, candidates: int, *, last_round: bool, either: bool = False
 ) -> tuple[int, int, float]:
     """Return how many candidates are planned, how many to the last, and how long searches are.
 
-    The last round is the dearer one: it is held with two candidates or more, or not at all.
+    The last round is the dearer one: it is held with two candidates or more, or not at all. With
+    `either` each bearing is two candidates, with a fairway and without.
     """
     if 2 * lanes > DENSE_ENDS:  # no matrix can be kept
         return 0, 0, 1.0
     one_s = _made_s(1, lanes) + _search_s(1, lanes)
     real_s = _made_s(2, lanes) + _search_s(2, lanes)
-    real = min(MOST_REAL, candidates, int(REAL_SHARE * share_s / real_s)) if last_round else 0
+    candidates *= 1 + either
+    real = int(REAL_SHARE * share_s / real_s) if last_round else 0
+    real = min(MOST_REAL + either, candidates, real)
     real = real if real >= 2 else 0
-    planned = min(MOST_PLANNED, candidates, int((share_s - real * real_s) / one_s))
+    planned = int((share_s - real * real_s) / one_s)
+    planned = min(MOST_PLANNED * (1 + either), candidates, planned)
     planned = planned if planned >= 2 else 0
     searched_s = planned * _search_s(1, lanes) + real * _search_s(2, lanes)
     spare_s = share_s - planned * one_s - real * real_s
@@ -285,22 +348,26 @@ def _real_problem(work: PartWork) -> LaneProblem:
 class _View:
     """A region under one bearing: its lanes, what they leave, and how wide columns are."""
 
-    frame: SweepFrame
+    columns: Columns
     lanes: Lanes
-    pitch_m: float
 
     @classmethod
     def of(cls, region_m: shapely.Polygon, bearing_deg: float, spacing_m: float) -> _View:
         frame = SweepFrame(bearing_deg=bearing_deg)
         region = frame.turn(region_m)
         column_x, pitch = columns_of(region, spacing_m)
-        return cls(frame=frame, lanes=look(region, column_x, pitch), pitch_m=pitch)
+        columns = Columns(frame=frame, region=region, x_m=column_x, pitch_m=pitch)
+        return cls(columns=columns, lanes=look(region, column_x, pitch))
+
+    def fairway(self, homes_m: FloatArray) -> Fairway | None:
+        """Return the fairway through the middle of where the robots start."""
+        return fairway_of(self.columns, homes_m.mean(axis=0), len(homes_m))
 
     def rough_s(self, time: TimeModel) -> float:
         """Return about the seconds of sweeping the region: lanes, turns, slivers."""
         length_m = float(np.diff(self.lanes.y_m, axis=1).sum()) + self.lanes.alone_m
-        turns_m = len(self.lanes.x_m) * self.pitch_m
-        turns_s = len(self.lanes.x_m) * time.lane_turn_s(self.pitch_m)
+        turns_m = len(self.lanes.x_m) * self.columns.pitch_m
+        turns_s = len(self.lanes.x_m) * time.lane_turn_s(self.columns.pitch_m)
         slivers_s = MISSED * float(self._hooks_s(time).sum())
         return (length_m + turns_m) / time.survey_speed_m_s + turns_s + slivers_s
 
@@ -313,21 +380,28 @@ class _View:
         return np.where(out_m > 0, hook_s, 0.0)
 
     def problem(
-        self, harbour: Harbour, homes_m: FloatArray, time: TimeModel, spacing_m: float
+        self,
+        harbour: Harbour,
+        homes_m: FloatArray,
+        time: TimeModel,
+        spacing_m: float,
+        fairway: Fairway | None,
     ) -> LaneProblem:
         """Return the lanes with in-water ways, all turns taken for alike but for what they cover.
 
         A short way from one lane to another covers the slivers on its side of either.
         """
-        lanes = self.lanes
-        x = np.repeat(lanes.x_m, 2)
-        ends = self.frame.to_local(np.column_stack([x, lanes.y_m.ravel()]))
+        ends_m, hooks_s = self._lines(time, fairway)
+        pitch_m = self.columns.pitch_m
+        x = ends_m[:, :, 0].ravel()
+        ends = self.columns.frame.to_local(ends_m.reshape(-1, 2))
         way_m = harbour.distance_matrix(ends)
-        left_s, right_s = np.moveaxis(self._hooks_s(time).reshape(-1, 2), 1, 0)
-        aside_m = np.where(way_m < TURN_COLUMNS * self.pitch_m, x[None] - x[:, None], 0.0)
-        left_out_s = np.where(aside_m < -0.5 * self.pitch_m, 0.0, left_s[:, None])
-        left_out_s += np.where(aside_m > 0.5 * self.pitch_m, 0.0, right_s[:, None])
-        lane_m = lanes.y_m[:, 1] - lanes.y_m[:, 0] + lanes.alone_m / max(len(lanes.x_m), 1)
+        left_s, right_s = np.moveaxis(hooks_s.reshape(-1, 2), 1, 0)
+        aside_m = np.where(way_m < TURN_COLUMNS * pitch_m, x[None] - x[:, None], 0.0)
+        left_out_s = np.where(aside_m < -0.5 * pitch_m, 0.0, left_s[:, None])
+        left_out_s += np.where(aside_m > 0.5 * pitch_m, 0.0, right_s[:, None])
+        lane_m = np.hypot(*(ends_m[:, 1] - ends_m[:, 0]).T)
+        lane_m += self.lanes.alone_m / max(len(ends_m), 1)
         way_s = way_m / time.transit_speed_m_s + time.lane_turn_s(spacing_m)
         home_s = harbour.distances(homes_m, ends) / time.transit_speed_m_s
         return LaneProblem(
@@ -335,3 +409,22 @@ class _View:
             end_cost=way_s + left_out_s + left_out_s.T,
             home_cost=home_s + left_s + right_s,
         )
+
+    def _lines(self, time: TimeModel, fairway: Fairway | None) -> tuple[FloatArray, FloatArray]:
+        """Return (n, 2, 2) ends in the sweep frame, and the (n, 2, 2) seconds of their hooks.
+
+        Where a lane ends at the fairway nothing is left beside it.
+        """
+        x_m, y_m, hooks_s = self.lanes.x_m, self.lanes.y_m, self._hooks_s(time)
+        if fairway is None:
+            return np.stack([np.repeat(x_m[:, None], 2, axis=1), y_m], axis=2), hooks_s
+        columns = self.columns
+        column = np.rint((x_m - columns.x_m[0]) / columns.pitch_m).astype(np.int64)
+        least_m = columns.pitch_m / ROWS_PER_COLUMN
+        of_lane, low, high = beside_fairway(fairway, column, y_m[:, 0], y_m[:, 1], least_m)
+        _, rows = fairway_rows(columns, fairway, least_m)
+        x, y = np.repeat(x_m[of_lane][:, None], 2, axis=1), np.column_stack([low, high])
+        at_shore = y == y_m[of_lane]
+        hooks_s = np.where(at_shore[:, :, None], hooks_s[of_lane], 0.0)
+        ends = np.concatenate([np.stack([x, y], axis=2), rows])
+        return ends, np.concatenate([hooks_s, np.zeros((len(rows), 2, 2))])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from string import ascii_lowercase
 from typing import Any
 
 from mrmission.model import FleetReport, TieReport
@@ -274,11 +275,19 @@ def fleet_figures(report: FleetReport) -> tuple[tuple[str, str], ...]:
         ("Survey area", human_area(report.area_m2)),
         ("Navigable region", human_area(report.navigable_m2)),
         ("Unreached", unreached_text(report)),
-        ("Lanes", f"{human_length_fine(report.lane_spacing_m)} apart, {report.angle_deg:g}°"),
+        ("Lanes", lanes_text(report)),
     ]
     if report.tie_lines is not None:
         rows.append(("Tie lines", tie_text(report.tie_lines)))
     return tuple(rows)
+
+
+def lanes_text(report: FleetReport) -> str:
+    """Return how the lanes lie, and how many lie across them."""
+    text = f"{human_length_fine(report.lane_spacing_m)} apart, {report.angle_deg:g}°"
+    rows = {line.name.rstrip(ascii_lowercase) for line in report.lines if line.kind == "fairway"}
+    across = len(rows)
+    return f"{text}; {across} across, in the fairway" if across else text
 
 
 def tie_text(ties: TieReport) -> str:

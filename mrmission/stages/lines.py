@@ -14,6 +14,7 @@ from mrmission.mission.survey_lines import name_lines
 from mrmission.model import Mission, TieReport
 from mrmission.options import PlanOptions
 from mrmission.tour.coverage import BESIDE_M
+from mrmission.tour.fairway import Fairway, lanes_with_fairway
 from mrmission.tour.lines import (
     LineKind,
     SurveyLine,
@@ -30,16 +31,21 @@ ALONG_M = 10.0
 
 
 def lines_to_sweep(
-    sweep: Sweep, region_m: shapely.Polygon, options: PlanOptions
+    sweep: Sweep,
+    region_m: shapely.Polygon,
+    options: PlanOptions,
+    fairway: Fairway | None = None,
 ) -> tuple[SurveyLine, ...]:
     """Return all lines that a part is to be swept along, local frame: lanes, laps, tie lines.
+
+    With a fairway the lanes end at it, and its own lanes come after them.
 
     Raises
     ------
     PlanningError
         When tie lines are asked for and none crosses a lane.
     """
-    lanes = lane_lines(sweep)
+    lanes = lane_lines(sweep) if fairway is None else lanes_with_fairway(sweep, fairway)
     shore: tuple[SurveyLine, ...] = ()
     if options.shore_laps:
         from mrmission.tour.shore import lanes_inside, shore_laps

@@ -10,7 +10,7 @@ import shapely
 
 from mrmission.area.berths import berths
 from mrmission.area.legs import leg_tolerance_m
-from mrmission.minmax.angle import choose_bearing
+from mrmission.minmax.angle import BearingChoice, WorkAt, choose_bearing
 from mrmission.minmax.planner import lane_tours
 from mrmission.mission.build import LAUNCH_RADIUS_M
 from mrmission.model import FloatArray
@@ -19,6 +19,7 @@ from mrmission.routing.harbour import Harbour
 from mrmission.stages.cells import cell_tours
 from mrmission.stages.lines import lines_to_sweep, not_counted
 from mrmission.tour.coverage import Uncovered
+from mrmission.tour.fairway import Columns, fairway_of
 from mrmission.tour.sweep import best_bearing_deg, hair_m, sweep_region, widest_spacing_m
 from mrmission.tour.timing import TimeModel
 from mrmission.tour.work import PartPlan, PartTours, PartWork
@@ -61,9 +62,10 @@ def plan_part(
     own_times = tuple(times[r - 1] for r in robots)
     harbour = Harbour(part, homes)
 
-    def work_at(bearing_deg: float, options: PlanOptions = options) -> PartWork:
+    def work_at(bearing_deg: float, *, fairway: bool = False) -> PartWork:
         sweep = sweep_region(part, bearing_deg, spacing)
-        lines = lines_to_sweep(sweep, part, options)
+        way = fairway_of(Columns.of(sweep), homes.mean(axis=0), len(robots)) if fairway else None
+        lines = lines_to_sweep(sweep, part, options, way)
         return PartWork(
             region_m=part,
             robots=robots,
@@ -80,27 +82,37 @@ def plan_part(
             ),
             times=own_times,
             options=options,
+            fairway=way is not None,
         )
 
-    work = work_at(*_bearing_deg(part, harbour, spacing, options, own_times[0], work_at))
+    choice = _lay_of_lanes(part, harbour, spacing, options, own_times[0], work_at)
+    work = replace(
+        work_at(choice.bearing_deg, fairway=choice.fairway),
+        options=replace(options, time_budget_s=choice.budget_left_s),
+    )
     return PartPlan(work=work, tours=PLANNERS.get(options.method, cell_tours)(work))
 
 
-def _bearing_deg(
+def _lay_of_lanes(
     part: shapely.Polygon,
     harbour: Harbour,
     spacing_m: float,
     options: PlanOptions,
     time: TimeModel,
-    work_at: Callable[[float], PartWork],
-) -> tuple[float, PlanOptions]:
-    """Return the bearing of the lanes, 0 to 180 degrees, and what is left of the time budget."""
-    if options.bearing_deg is not None:
-        return options.bearing_deg, options
-    if options.method != "minmax":
-        turn_s = time.lane_turn_s(spacing_m)
-        return best_bearing_deg(part, spacing_m, options.survey_speed_m_s, turn_s), options
-    choice = choose_bearing(
+    work_at: WorkAt,
+) -> BearingChoice:
+    """Return the bearing of the lanes, and whether there is a fairway among them."""
+    homes = harbour.berths_m
+    apart_m = float(np.hypot(*(homes - homes.mean(axis=0)).T).max())
+    # robots that start farther from each other than a fairway is wide have no use for one
+    fairway = options.may_have_fairway and apart_m <= len(homes) * spacing_m
+    if options.method != "minmax" or (options.bearing_deg is not None and not fairway):
+        bearing_deg = options.bearing_deg
+        if bearing_deg is None:
+            turn_s = time.lane_turn_s(spacing_m)
+            bearing_deg = best_bearing_deg(part, spacing_m, options.survey_speed_m_s, turn_s)
+        return BearingChoice(bearing_deg=bearing_deg, budget_left_s=options.time_budget_s)
+    return choose_bearing(
         part,
         harbour,
         harbour.berths_m,
@@ -109,8 +121,9 @@ def _bearing_deg(
         time_budget_s=options.time_budget_s,
         seed=options.seed,
         work_at=work_at,
+        asked_deg=options.bearing_deg,
+        fairway=fairway,
     )
-    return choice.bearing_deg, replace(options, time_budget_s=choice.budget_left_s)
 
 
 def _homes(

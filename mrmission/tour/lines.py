@@ -19,6 +19,8 @@ class LineKind(enum.StrEnum):
 
     LANE = "lane"
     """One of the parallel lines that cover the region: the mainscheme."""
+    FAIRWAY = "fairway"
+    """A lane across the others, swept on the way out and home; it covers like a lane."""
     SHORE = "shore"
     """A piece of a lap along the shore or about an island; it covers like a lane."""
     TIE = "tie"

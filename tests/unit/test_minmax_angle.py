@@ -195,8 +195,11 @@ def test_the_last_round_knows_all_that_the_plan_knows() -> None:
         found = plan(area, options)
     (choice,) = seen
     last = [t for t in choice.tried if t.round == 2]
-    assert 2 <= len(last) <= angle.MOST_REAL
-    assert choice.bearing_deg == min(last, key=lambda t: t.makespan_s).bearing_deg
+    assert 2 <= len(last) <= angle.MOST_REAL + 1
+    best = min(last, key=lambda t: t.makespan_s)
+    assert (choice.bearing_deg, choice.fairway) == (best.bearing_deg, best.fairway)
+    assert {t.fairway for t in last} == {False, True}
+    assert ("fairway" in {line.kind for line in found.report.lines}) == choice.fairway
     assert found.report.angle_deg == pytest.approx(choice.bearing_deg)
     # what was expected is what the plan takes, up to what a longer search finds
     assert found.report.makespan_s == pytest.approx(min(t.makespan_s for t in last), rel=0.05)
