@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -26,10 +27,11 @@ from mrmission.rehearse.files import (
     tracks_geojson,
     write_rehearsal,
 )
-from mrmission.rehearse.judge import Limits, estimate_error_m, judge
+from mrmission.rehearse.judge import Limits, PairDriven, estimate_error_m, judge
+from mrmission.rehearse.measures import Meeting
 from mrmission.rehearse.pilot import last_waypoint, longest_s
 from mrmission.rehearse.run import Waters, home_of, sailing_missions
-from mrmission.rehearse.table import RehearsalTable
+from mrmission.rehearse.table import RehearsalTable, fleet_lines
 from mrmission.rehearse.track import Recorder, Track
 
 
@@ -135,6 +137,26 @@ def test_figure_and_table(plan, tmp_path) -> None:
     Console(file=out, width=160).print(RehearsalTable(lost))
     assert "no: stands still" in out.getvalue()
     assert any("robot 1 is not home: stands still" in line for line in lost.violations)
+
+
+def test_pairs_stand_beside_what_the_plan_promised(plan) -> None:
+    """The table tells of those that came nearer, and of none where the plan did not look."""
+    tracks = [short_track(1)]
+    alone = judge(plan, tracks, limits=Limits())
+    assert alone.pairs == ()
+    assert not any("plan allows for" in name for name, _ in fleet_lines(alone))
+
+    def driven(robots: tuple[int, int], distance_m: float, planned_m: float | None) -> PairDriven:
+        met = Meeting(robots=robots, distance_m=distance_m, time_s=1.0, place_m=(0.0, 0.0))
+        return PairDriven(robots=robots, planned_m=planned_m, driven=met)
+
+    never = PairDriven(robots=(1, 4), planned_m=3.0, driven=None)
+    kept = replace(alone, pairs=(driven((1, 2), 21.0, 20.0), driven((1, 3), 2.0, None), never))
+    line = dict(fleet_lines(kept))["Pairs nearer than the plan allows for"]
+    assert line == "none of 2"
+    broken = replace(alone, pairs=(*kept.pairs, driven((2, 3), 12.3, 20.0)))
+    line = dict(fleet_lines(broken))["Pairs nearer than the plan allows for"]
+    assert line == "1 of 3, the worst robots 2 and 3: 12.3 m instead of 20.0 m"
 
 
 def test_true_positions_are_compared_with_the_track_not_with_a_position() -> None:
