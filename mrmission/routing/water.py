@@ -22,7 +22,12 @@ import shapely
 from mrmission.errors import PlanningError
 from mrmission.model import BoolArray, FloatArray
 from mrmission.routing import visibility as kernels
-from mrmission.routing.matrix import FEW_SOURCES, few_distances, many_distances
+from mrmission.routing.groups import group_distances
+from mrmission.routing.matrix import (
+    FEW_SOURCES,
+    few_distances,
+    many_distances,
+)
 from mrmission.routing.near import lengths_within, sort_into_squares
 from mrmission.routing.shore_grid import Int, build_grid, settle_points
 
@@ -30,6 +35,8 @@ SNAP_M = 0.05
 """Points up to this far outside the region are taken as points of its boundary."""
 
 _TOLERANCE_M = 1e-7  # the land is shrunk by this much
+MANY_LOOKS = 50_000_000
+"""From so many pairs of target and corner on, targets look only at corners that may matter."""
 _MERGE_M = 2e-6  # corners closer than this are one
 _CELLS_PER_EDGE = 6
 Near: TypeAlias = tuple[npt.NDArray[np.int64], Int, FloatArray]
@@ -277,6 +284,11 @@ class WaterRouter:
             order = curve_order(targets)
             return few_distances(self._grid, self._graph, sources, targets, order)
         order = curve_order(sources)
+        if len(targets) * self.corner_count >= MANY_LOOKS:
+            near = curve_order(targets)
+            return group_distances(
+                self._grid, self._graph, sources, order, targets, near, self._top_m
+            )
         return many_distances(self._grid, self._graph, sources, order, targets, False, _NONE)
 
     def _pairs(self, a: FloatArray, b: FloatArray) -> tuple[FloatArray, Int, Int]:

@@ -81,6 +81,31 @@ def test_few_and_many_sources_agree() -> None:
     np.testing.assert_allclose(many, router.distance_matrix(spots), rtol=1e-14)
 
 
+def test_many_looks_find_the_same_to_the_last_digit(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(2)
+    for seed in range(4):
+        land = [
+            shapely.Point(*rng.uniform((5, 5), (95, 55))).buffer(
+                rng.uniform(1, 5), quad_segs=seed + 2
+            )
+            for _ in range(25)
+        ]
+        basin = BASIN.difference(shapely.union_all(land))
+        router = WaterRouter(max(shapely.get_parts(basin), key=lambda part: part.area))
+        spots = rng.uniform((0, 0), (100, 60), (300, 2))
+        spots = spots[router.visible(spots, spots)]
+        homes = np.concatenate(
+            [spots[:1] + np.column_stack([np.arange(5)] * 2) * 1e-3, spots[5:14]]
+        )
+        homes = homes[router.visible(homes, homes)]
+        monkeypatch.setattr("mrmission.routing.water.MANY_LOOKS", 10**9)
+        usual = router.distances(homes, spots)
+        monkeypatch.setattr("mrmission.routing.water.MANY_LOOKS", 0)
+        assert np.array_equal(router.distances(homes, spots), usual)
+        assert len(homes) > 8
+        assert len(spots) > 150
+
+
 def test_through_the_point_where_an_island_touches_the_shore() -> None:
     """The passage has no width, but a point of it is in the water."""
     diamond = shapely.Polygon([(50, 0), (60, 30), (50, 50), (40, 30)])
