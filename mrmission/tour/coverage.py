@@ -19,6 +19,11 @@ MANY_PIECES = 5000
 """Of more pieces of strips than this only those that touch another are united: a union of all
 grows faster than their number, and most are whole as they are."""
 
+PAIRS = 50_000
+"""Pieces and legs that are looked at together."""
+WITHIN = 0.9985
+"""Share of its radius within which a leg's buffer is sure to hold a point: its arcs are chords."""
+
 
 def strips_of(region: shapely.Polygon, borders_m: FloatArray) -> list[shapely.Geometry]:
     """Cut a region (sweep frame) into vertical strips between consecutive borders.
@@ -218,6 +223,10 @@ def subtract_legs(
     lines = leg_lines(legs_m)  # a line of no length is near nothing
     tree = shapely.STRtree(lines)
     piece_index, leg_index = tree.query(pieces, predicate="dwithin", distance=radius_m)
+    if len(pieces) > MANY_PIECES:
+        alone = _covered_by_one(pieces, legs_m, radius_m, piece_index, leg_index)
+        if alone.any():
+            return subtract_legs(pieces[~alone], legs_m, radius_m)
     used = np.unique(leg_index)
     buffers = np.empty(len(legs_m), dtype=object)
     buffers[used] = leg_buffers(legs_m[used], radius_m)
@@ -236,3 +245,32 @@ def subtract_legs(
         more = first[alive] + turn < first[alive + 1]
         alive = alive[more & ~shapely.is_empty(rest[alive])]
     return _polygons(rest)
+
+
+def _covered_by_one(
+    pieces: npt.NDArray[np.object_],
+    legs_m: FloatArray,
+    radius_m: float,
+    piece_index: IntArray,
+    leg_index: IntArray,
+) -> BoolArray:
+    """Return (n,) which pieces lie within `radius_m` of a single leg, of those that touch them.
+
+    What is within a radius of a leg is convex: a piece lies in it where its corners do.
+    """
+    count = shapely.get_num_coordinates(pieces)
+    corner = shapely.get_coordinates(pieces)
+    first = np.cumsum(count) - count
+    out = np.zeros(len(pieces), dtype=bool)
+    for pairs in np.array_split(np.arange(len(piece_index)), 1 + len(piece_index) // PAIRS):
+        piece, leg = piece_index[pairs], leg_index[pairs]
+        size = count[piece]
+        start = np.cumsum(size) - size
+        pair = np.repeat(np.arange(len(piece)), size)
+        at = corner[np.arange(len(pair)) + (first[piece] - start)[pair]] - legs_m[leg, 0][pair]
+        step = (legs_m[leg, 1] - legs_m[leg, 0])[pair]
+        square = np.maximum((step * step).sum(axis=1), 1e-300)
+        share = np.clip((at * step).sum(axis=1) / square, 0.0, 1.0)
+        away = np.hypot(*(at - share[:, None] * step).T)
+        out[piece[np.maximum.reduceat(away, start) <= WITHIN * radius_m]] = True
+    return out

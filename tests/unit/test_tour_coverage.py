@@ -92,6 +92,35 @@ def test_many_pieces_are_united_as_few_are(monkeypatch: pytest.MonkeyPatch) -> N
     assert [p.area for p in few] == sorted((p.area for p in few), reverse=True)
 
 
+def test_pieces_that_one_leg_covers_go_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(9)
+    at = rng.uniform(0, 300, (400, 2))
+    size = rng.uniform(0.5, 6, 400)
+    pieces = np.array(
+        [shapely.box(x, y, x + a, y + a / 2) for (x, y), a in zip(at, size, strict=True)]
+    )
+    start = rng.uniform(0, 300, (150, 2))
+    legs = np.stack([start, start + rng.uniform(-30, 30, (150, 2))], axis=1)
+    legs[:20, 1] = legs[:20, 0]
+    usual = [p.wkb for p in subtract_legs(pieces, legs, 5.0)]
+    calls: list[int] = []
+
+    def counted(*args: object) -> np.ndarray:
+        found = covered_by_one(*args)
+        calls.append(int(found.sum()))
+        return found
+
+    covered_by_one = coverage._covered_by_one
+    monkeypatch.setattr(coverage, "_covered_by_one", counted)
+    monkeypatch.setattr(coverage, "MANY_PIECES", 10)
+    assert [p.wkb for p in subtract_legs(pieces, legs, 5.0)] == usual
+    assert calls[0] > 50
+    assert len(usual) > 50
+    buffers = leg_buffers(legs, 5.0)
+    held = [bool(shapely.covers(buffers, piece).any()) for piece in pieces]
+    assert calls[0] <= sum(held) <= 1.2 * calls[0]
+
+
 def test_no_legs_leave_everything() -> None:
     region = random_lake_m(np.random.default_rng(2), 100.0, 2)
     got = Uncovered(region, 10.0, 5.0).remainder(np.zeros((0, 2, 2)))
