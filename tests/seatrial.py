@@ -142,6 +142,9 @@ class Trial:
         """Ask for a mode; return the result."""
         return self.command(mavlink.MAV_CMD_DO_SET_MODE, 1, mode)
 
+    def greet(self) -> None:
+        """Wait until the boat answers."""
+
     def reboot(self) -> None:
         """Restart the autopilot, and wait until it talks again."""
         raise NotImplementedError
@@ -389,21 +392,27 @@ class LinkTrial(Trial):
         Where it listens on loopback.
     system_id : int
         Its system id.
+    hasty : bool
+        Do not wait until it has begun to answer: :meth:`greet` does.
     """
 
     engine = "ardupilot"
 
-    def __init__(self, port: int, system_id: int = 1) -> None:
+    def __init__(self, port: int, system_id: int = 1, *, hasty: bool = False) -> None:
         super().__init__(system_id)
         self._port = port
         self._boot_ms = 0
         self._greeted_s = -math.inf
         self._inbox: deque[Message] = deque()
         self._socket = _connected(port)
-        self._greet()
+        if hasty:
+            self.first("HEARTBEAT", 10.0)
+        else:
+            self.greet()
         self.heard.clear()
 
-    def _greet(self) -> None:
+    def greet(self) -> None:
+        """Ask for the streams that are watched, and wait until the time is known."""
         self.first("HEARTBEAT", 10.0)
         # Ten seconds' worth of every stream in one second keep a test from doing anything else.
         self.send(mavlink.MAVLink_request_data_stream_message(self.system_id, 1, 0, 0, 0))
@@ -428,7 +437,7 @@ class LinkTrial(Trial):
         self._boot_ms = 0
         self._greeted_s = -math.inf
         self._socket = _connected(self._port)
-        self._greet()
+        self.greet()
 
     def send(self, message: Message, *, who: int = STATION) -> None:
         self._socket.sendall(self._codecs[who].encode(message))

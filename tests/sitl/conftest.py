@@ -54,13 +54,15 @@ def afloat(
     *,
     cold: bool = False,
     bare: bool = False,
+    hasty: bool = False,
     speedup: float = SPEEDUP,
     model: str = "motorboat",
     **parameters: float,
 ) -> Iterator[Trial]:
     """One boat of an engine, and a station that talks to it.
 
-    `cold` hands it over while it starts up; `bare` leaves the parameters of ``sitl/`` away.
+    `cold` hands it over while it starts up; `bare` leaves the parameters of ``sitl/`` away;
+    `hasty` talks to it before it answers, until its ``greet`` is called.
     """
     # Fences are the business of the tests that say so.
     given = {"FENCE_ENABLE": 0.0, **parameters}
@@ -82,7 +84,7 @@ def afloat(
     )  # fmt: skip
     try:
         asyncio.run(fleet.start())
-        trial = LinkTrial(fleet.ports[0])
+        trial = LinkTrial(fleet.ports[0], hasty=hasty)
         with contextlib.closing(trial):
             yield trial
     finally:

@@ -79,8 +79,9 @@ def test_armable_after_half_a_minute_and_startable_some_time_later(trial_of: Tri
 
 
 def test_for_its_first_seconds_it_has_no_room_for_a_mission(trial_of: TrialOf) -> None:
-    trial = trial_of(cold=True)
+    trial = trial_of(cold=True, hasty=True)
     assert trial.upload([HOME, waypoint(50, 0)]) == mavlink.MAV_MISSION_NO_SPACE
+    trial.greet()
     trial.wait(4.0)
     assert trial.upload([HOME, waypoint(50, 0)]) == 0
 
