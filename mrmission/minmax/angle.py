@@ -22,6 +22,7 @@ import numpy as np
 import shapely
 
 from mrmission.errors import PlanningError
+from mrmission.minmax.planner import BUDGET_PER_LINE_S, Prepared, prepare
 from mrmission.minmax.problem import LaneProblem
 from mrmission.minmax.slivers import Lanes, look
 from mrmission.minmax.travel import DENSE_ENDS
@@ -44,6 +45,8 @@ WHOLE_DEG = 0.005
 """So near to a whole degree a direction of the shore is taken for it: 3 cm in 400 m."""
 MOST_PLANNED, MOST_REAL = 8, 3
 """At most so many candidates are planned, and so many with all that the plan will know."""
+FAIRWAYS_PLANNED, FAIRWAYS_REAL = 4, 1
+"""So many more where each may be planned with a fairway."""
 WORSE = 1.1
 """Candidates whose lanes, turns and slivers cost more than this many times the least are not
 planned."""
@@ -51,16 +54,16 @@ BUDGET_SHARE = 0.5
 """Share of the time budget that ranking takes at most."""
 REAL_SHARE = 0.8
 """Share of that for the last round."""
-MATRIX_S, PIECES_S = 2e-7, 1e-3
+MATRIX_S, PIECES_S = 2e-7, 5e-4
 """Seconds of budget that stand for each pair of ends, and for hooks and corners of each lane, so
 that large areas try few candidates."""
-SEARCH_S, REAL_SEARCH_S = 1e-4, 1.5e-4
+SEARCH_S, REAL_SEARCH_S = 1e-4, 1e-3
 """Seconds of search for each lane in the second and in the last round."""
 LEAST_SEARCH_S, LEAST_REAL_SEARCH_S = 0.02, 0.08
 """Seconds of search in either round at least: few lanes are cut into many pieces."""
-FEW_LANES = 33
+FEW_LANES = 80
 """Fewer lanes than so many get as much of the budget."""
-MOST_EFFORT = 2.0
+MOST_EFFORT = 4.0
 """Where there is budget for it, searches are up to so many times as long."""
 MISSED = 0.5
 """Share of the slivers that no turn covers, where the turns are not known."""
@@ -79,6 +82,8 @@ class WorkAt(Protocol):
 
 Candidate = tuple[int, bool]
 """The number of a bearing, and whether with a fairway."""
+Solve = Callable[[Candidate, float], float]
+"""Returns the makespan of a candidate after so many seconds of search."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,6 +108,8 @@ class BearingChoice:
         Of the time budget, for the plan itself.
     fairway
         Whether the plan is to have a fairway, see :mod:`mrmission.tour.fairway`.
+    prepared
+        The work under this bearing, where the last round was held.
     tried
         All candidates in the order they were thought of; those with a fairway come last.
     """
@@ -110,6 +117,7 @@ class BearingChoice:
     bearing_deg: float
     budget_left_s: float
     fairway: bool = False
+    prepared: Prepared | None = None
     tried: tuple[Tried, ...] = ()
 
 
@@ -218,7 +226,6 @@ def choose_bearing(
     fairway
         Whether candidates of the last round are planned with a fairway too.
     """
-    from mrmission.minmax.planner import BUDGET_PER_LINE_S
     from mrmission.minmax.search import minmax
 
     bearings = (asked_deg,) if asked_deg is not None else candidate_bearings(region_m, spacing_m)
@@ -237,47 +244,54 @@ def choose_bearing(
     )
     left_s = time_budget_s
 
-    def by_makespan(
-        number: int, candidates: list[Candidate], problem_of: Callable[[Candidate], LaneProblem]
-    ) -> list[Candidate]:
+    def planned_s(number: int, candidate: Candidate, solve: Solve) -> float:
         nonlocal left_s
         search_s = effort * _search_s(number, lanes)
-        took_s = []
-        for i, way in candidates:
-            try:
-                makespan_s = float(minmax(problem_of((i, way)), search_s, seed).cost.max())
-            except PlanningError:  # no lane or no tie line at this bearing, maybe at another
-                makespan_s = float("inf")
-            took_s.append(makespan_s)
-            tried[i, way] = Tried(
-                bearing_deg=bearings[i], round=number, makespan_s=makespan_s, fairway=way
-            )
-        left_s -= len(candidates) * (search_s + _made_s(number, lanes))
-        return [candidates[j] for j in np.argsort(took_s, kind="stable")]
+        left_s -= search_s + _made_s(number, lanes)
+        try:
+            makespan_s = solve(candidate, search_s)
+        except PlanningError:  # no lane at this bearing, maybe at another
+            makespan_s = float("inf")
+        i, way = candidate
+        tried[candidate] = Tried(
+            bearing_deg=bearings[i], round=number, makespan_s=makespan_s, fairway=way
+        )
+        return makespan_s
 
     if fairway and planned + real > 0:
         ways = [(i, views[i].fairway(homes_m)) for i, _ in ranked]
         ranked = [(i, w) for i, way in ways for w in ((True, False) if way else (False,))]
     if planned >= 2:
 
-        def cheap(candidate: Candidate) -> LaneProblem:
+        def cheap(candidate: Candidate, search_s: float) -> float:
             view = views[candidate[0]]
             way = view.fairway(homes_m) if candidate[1] else None
-            return view.problem(harbour, homes_m, time, spacing_m, way)
+            problem = view.problem(harbour, homes_m, time, spacing_m, way)
+            return float(minmax(problem, search_s, seed).cost.max())
 
-        ranked = by_makespan(1, ranked[:planned], cheap)
+        took_s = [planned_s(1, candidate, cheap) for candidate in ranked[:planned]]
+        ranked = [ranked[i] for i in np.argsort(took_s, kind="stable")]
+    best: Prepared | None = None
     if work_at is not None and real >= 2:
-        make = work_at
-        ranked = by_makespan(
-            2,
-            _last_round(ranked, by_rough)[:real],
-            lambda c: _real_problem(make(bearings[c[0]], fairway=c[1])),
-        )
-    best, with_fairway = ranked[0]
+        make, least_s = work_at, float("inf")
+
+        def dear(candidate: Candidate, search_s: float) -> float:
+            nonlocal best, least_s
+            ready = prepare(make(bearings[candidate[0]], fairway=candidate[1]))
+            makespan_s = float(minmax(ready.problem, search_s, seed).cost.max())
+            if makespan_s < least_s:
+                best, least_s = ready, makespan_s
+            return makespan_s
+
+        last = _last_round(ranked, by_rough)[:real]
+        took_s = [planned_s(2, candidate, dear) for candidate in last]
+        ranked = [last[int(np.argmin(took_s))]]
+    number, with_fairway = ranked[0]
     return BearingChoice(
-        bearing_deg=bearings[best],
+        bearing_deg=bearings[number],
         budget_left_s=max(left_s, 0.0),
         fairway=with_fairway,
+        prepared=best,
         tried=tuple(tried.values()),
     )
 
@@ -324,24 +338,15 @@ def _affordable(
     real_s = _made_s(2, lanes) + _search_s(2, lanes)
     candidates *= 1 + either
     real = int(REAL_SHARE * share_s / real_s) if last_round else 0
-    real = min(MOST_REAL + either, candidates, real)
+    real = min(MOST_REAL + FAIRWAYS_REAL * either, candidates, real)
     real = real if real >= 2 else 0
     planned = int((share_s - real * real_s) / one_s)
-    planned = min(MOST_PLANNED * (1 + either), candidates, planned)
+    planned = min(MOST_PLANNED + FAIRWAYS_PLANNED * either, candidates, planned)
     planned = planned if planned >= 2 else 0
     searched_s = planned * _search_s(1, lanes) + real * _search_s(2, lanes)
     spare_s = share_s - planned * one_s - real * real_s
     effort = min(MOST_EFFORT, 1.0 + max(spare_s, 0.0) / searched_s) if searched_s > 0 else 1.0
     return planned, real, effort
-
-
-def _real_problem(work: PartWork) -> LaneProblem:
-    """Return what the planner would search: cut lanes, hooks and corners."""
-    from mrmission.minmax.planner import lines_and_hooks
-    from mrmission.minmax.runs import part_costs
-
-    lines, _, hooks = lines_and_hooks(work)
-    return part_costs(lines, hooks, work).problem
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

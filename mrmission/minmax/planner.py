@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -31,12 +31,56 @@ ROUND_SHARE = 0.15
 laid."""
 
 
-def lane_tours(work: PartWork) -> PartTours:
-    """Return the tours of the lane planner."""
-    from mrmission.minmax.search import minmax
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Prepared:
+    """A part's work as the search sees it.
 
+    Attributes
+    ----------
+    work
+        What it was made of.
+    lines, line_of, hooks
+        Lines cut, which line each is of, and their hooks.
+    problem
+        What the search is told.
+    least, beyond
+        For a bound the least of it, of either kind.
+    """
+
+    work: PartWork
+    lines: tuple[SurveyLine, ...]
+    line_of: IntArray
+    hooks: Hooks
+    problem: LaneProblem
+    least: LaneProblem | None
+    beyond: SparseCosts | None
+
+
+def prepare(work: PartWork) -> Prepared:
+    """Return a part's work as the search sees it."""
     lines, line_of, hooks = lines_and_hooks(work)
     problem, least, beyond = _problems(lines, hooks, work)
+    return Prepared(
+        work=work, lines=lines, line_of=line_of, hooks=hooks,
+        problem=problem, least=least, beyond=beyond,
+    )  # fmt: skip
+
+
+def lane_tours(work: PartWork, prepared: Prepared | None = None) -> PartTours:
+    """Return the tours of the lane planner.
+
+    Parameters
+    ----------
+    work
+        The part.
+    prepared
+        The same work where it was prepared already: all but its time budget.
+    """
+    from mrmission.minmax.search import minmax
+
+    ready = prepared or prepare(work)
+    lines, line_of, hooks = ready.lines, ready.line_of, ready.hooks
+    problem, least, beyond = ready.problem, ready.least, ready.beyond
     problem = weighted(problem, work.weights)
     if work.line_toll_s > 0:
         problem = replace(problem, lane_cost=problem.lane_cost + work.line_toll_s)
@@ -44,7 +88,8 @@ def lane_tours(work: PartWork) -> PartTours:
     # thousands of lanes are even already, and to lay them all is dear
     for_trips = work.weights is not None or work.line_toll_s > 0
     rounds = 0 if beyond is not None or for_trips else ROUNDS
-    tours = minmax(problem, (1.0 - rounds * ROUND_SHARE) * budget_s, work.options.seed)
+    searched_s = (1.0 - rounds * ROUND_SHARE) * budget_s
+    tours = minmax(problem, searched_s, work.options.seed)
     tours, paths = _evened_out(problem, tours, lines, hooks, work, rounds, ROUND_SHARE * budget_s)
     if least is not None and least.end_cost is not None:
         least = swept_in_one_go(least, tours, line_of)

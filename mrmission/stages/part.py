@@ -25,7 +25,7 @@ from mrmission.tour.timing import TimeModel
 from mrmission.tour.work import PartPlan, PartTours, PartWork
 
 PLANNERS: Mapping[str, Callable[[PartWork], PartTours]] = {"minmax": lane_tours}
-"""Planners by method; the methods that are not here share out whole cells."""
+"""Planners that can plan anew for trips, by method."""
 
 
 def plan_part(
@@ -86,11 +86,11 @@ def plan_part(
         )
 
     choice = _lay_of_lanes(part, harbour, spacing, options, own_times[0], work_at)
-    work = replace(
-        work_at(choice.bearing_deg, fairway=choice.fairway),
-        options=replace(options, time_budget_s=choice.budget_left_s),
-    )
-    return PartPlan(work=work, tours=PLANNERS.get(options.method, cell_tours)(work))
+    found = choice.prepared
+    work = found.work if found else work_at(choice.bearing_deg, fairway=choice.fairway)
+    work = replace(work, options=replace(options, time_budget_s=choice.budget_left_s))
+    tours = lane_tours(work, found) if options.method == "minmax" else cell_tours(work)
+    return PartPlan(work=work, tours=tours)
 
 
 def _lay_of_lanes(

@@ -31,7 +31,7 @@ class PartWork:
         The part cut into lanes and cells under one bearing.
     lines
         The lines to sweep, local frame: polylines, swept from either end. The lanes of the sweep
-        come first, in their order.
+        come first, in their order; a fairway leaves out pieces of them.
     harbour
         Ways in the water; berth ``i`` is that of ``robots[i]``.
     uncovered
