@@ -14,7 +14,7 @@ clock: the same options give the same bearing on any machine.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import zip_longest
 from typing import Protocol
 
@@ -278,9 +278,10 @@ def choose_bearing(
         def dear(candidate: Candidate, search_s: float) -> float:
             nonlocal best, least_s
             ready = prepare(make(bearings[candidate[0]], fairway=candidate[1]))
-            makespan_s = float(minmax(ready.problem, search_s, seed).cost.max())
+            tours = minmax(ready.problem, search_s, seed)
+            makespan_s = float(tours.cost.max())
             if makespan_s < least_s:
-                best, least_s = ready, makespan_s
+                best, least_s = replace(ready, begun=tours), makespan_s
             return makespan_s
 
         last = _last_round(ranked, by_rough)[:real]

@@ -45,6 +45,8 @@ class Prepared:
         What the search is told.
     least, beyond
         For a bound the least of it, of either kind.
+    begun
+        Tours of a short search.
     """
 
     work: PartWork
@@ -54,6 +56,7 @@ class Prepared:
     problem: LaneProblem
     least: LaneProblem | None
     beyond: SparseCosts | None
+    begun: LaneTours | None = None
 
 
 def prepare(work: PartWork) -> Prepared:
@@ -90,6 +93,8 @@ def lane_tours(work: PartWork, prepared: Prepared | None = None) -> PartTours:
     rounds = 0 if beyond is not None or for_trips else ROUNDS
     searched_s = (1.0 - rounds * ROUND_SHARE) * budget_s
     tours = minmax(problem, searched_s, work.options.seed)
+    if ready.begun is not None and ready.begun.cost.max() < tours.cost.max():
+        tours = ready.begun  # a long search is better as a rule, not always
     tours, paths = _evened_out(problem, tours, lines, hooks, work, rounds, ROUND_SHARE * budget_s)
     if least is not None and least.end_cost is not None:
         least = swept_in_one_go(least, tours, line_of)
