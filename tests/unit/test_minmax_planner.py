@@ -164,3 +164,20 @@ def test_what_a_path_takes_more_than_it_was_priced_at_is_shared_out() -> None:
     plain, others = took_s(work.times), took_s((late, *work.times[1:]))
     assert max(others) - max(plain) < 0.75 * late.LATE_S  # all bear it, not the first alone
     assert max(others) - min(others) < 0.4 * late.LATE_S
+
+
+def test_tours_that_a_short_search_began_with_are_kept_where_they_are_better() -> None:
+    work = _work(5, robots=6)
+    ready = planner.prepare(work)
+    long_ago = minmax(ready.problem, 0.5, 3)
+    # without budget the search gives the tours that it starts with
+    hasty = replace(work, options=replace(work.options, time_budget_s=0.0))
+
+    def makespan_s(prepared: planner.Prepared) -> float:
+        paths = planner.lane_tours(hasty, prepared).paths
+        return max(work.time.duration_s(path.points_m, path.kind) for path in paths)
+
+    without = makespan_s(ready)
+    assert makespan_s(replace(ready, begun=long_ago)) < 0.99 * without
+    worse = minmax(ready.problem, 0.0, 3)
+    assert makespan_s(replace(ready, begun=worse)) == without
