@@ -515,6 +515,13 @@ def survey_lines_figure() -> None:
     draw()
 
 
+def fairway_figure() -> None:
+    """Draw lanes and a fairway, and tours that use it."""
+    from make_fairway_figure import draw
+
+    draw()
+
+
 FIGURES: dict[str, Callable[[], None]] = {
     "area": area_figure,
     "slices": slices_figure,
@@ -525,6 +532,7 @@ FIGURES: dict[str, Callable[[], None]] = {
     "fence": fence_figure,
     "demo-plan": demo_plan_figure,
     "survey-lines": survey_lines_figure,
+    "fairway": fairway_figure,
 }
 
 
