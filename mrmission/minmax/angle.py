@@ -22,6 +22,7 @@ import numpy as np
 import shapely
 
 from mrmission.errors import PlanningError
+from mrmission.minmax.full import more_trips_s
 from mrmission.minmax.planner import BUDGET_PER_LINE_S, Prepared, prepare
 from mrmission.minmax.problem import LaneProblem
 from mrmission.minmax.slivers import Lanes, look
@@ -57,8 +58,9 @@ REAL_SHARE = 0.8
 MATRIX_S, PIECES_S = 2e-7, 5e-4
 """Seconds of budget that stand for each pair of ends, and for hooks and corners of each lane, so
 that large areas try few candidates."""
-SEARCH_S, REAL_SEARCH_S = 1e-4, 1e-3
-"""Seconds of search for each lane in the second and in the last round."""
+SEARCH_S, REAL_SEARCH_S, SHORT_SEARCH_S = 1e-4, 1e-3, 1.5e-4
+"""Seconds of search for each lane in the second round; in the last; in the last where budget is
+short."""
 LEAST_SEARCH_S, LEAST_REAL_SEARCH_S = 0.02, 0.08
 """Seconds of search in either round at least: few lanes are cut into many pieces."""
 FEW_LANES = 80
@@ -239,14 +241,12 @@ def choose_bearing(
     ranked = [(i, False) for i in by_rough if rough[i] <= WORSE * rough.min()]
     lanes = max(len(views[by_rough[0]].lanes.x_m), 1)
     share_s = BUDGET_SHARE * min(time_budget_s, BUDGET_PER_LINE_S * max(lanes, FEW_LANES))
-    planned, real, effort = _affordable(
-        share_s, lanes, len(ranked), last_round=work_at is not None, either=fairway
-    )
+    can = _affordable(share_s, lanes, len(ranked), last_round=work_at is not None, either=fairway)
     left_s = time_budget_s
 
     def planned_s(number: int, candidate: Candidate, solve: Solve) -> float:
         nonlocal left_s
-        search_s = effort * _search_s(number, lanes)
+        search_s = can.search_s if number == 1 else can.real_search_s
         left_s -= search_s + _made_s(number, lanes)
         try:
             makespan_s = solve(candidate, search_s)
@@ -258,10 +258,10 @@ def choose_bearing(
         )
         return makespan_s
 
-    if fairway and planned + real > 0:
+    if fairway and can.planned + can.real > 0:
         ways = [(i, views[i].fairway(homes_m)) for i, _ in ranked]
         ranked = [(i, w) for i, way in ways for w in ((True, False) if way else (False,))]
-    if planned >= 2:
+    if can.planned:
 
         def cheap(candidate: Candidate, search_s: float) -> float:
             view = views[candidate[0]]
@@ -269,22 +269,22 @@ def choose_bearing(
             problem = view.problem(harbour, homes_m, time, spacing_m, way)
             return float(minmax(problem, search_s, seed).cost.max())
 
-        took_s = [planned_s(1, candidate, cheap) for candidate in ranked[:planned]]
+        took_s = [planned_s(1, candidate, cheap) for candidate in ranked[: can.planned]]
         ranked = [ranked[i] for i in np.argsort(took_s, kind="stable")]
     best: Prepared | None = None
-    if work_at is not None and real >= 2:
+    if work_at is not None and can.real:
         make, least_s = work_at, float("inf")
 
         def dear(candidate: Candidate, search_s: float) -> float:
             nonlocal best, least_s
             ready = prepare(make(bearings[candidate[0]], fairway=candidate[1]))
             tours = minmax(ready.problem, search_s, seed)
-            makespan_s = float(tours.cost.max())
+            makespan_s = float((tours.cost + more_trips_s(ready, tours)).max())
             if makespan_s < least_s:
                 best, least_s = replace(ready, begun=tours), makespan_s
             return makespan_s
 
-        last = _last_round(ranked, by_rough)[:real]
+        last = _last_round(ranked, by_rough)[: can.real]
         took_s = [planned_s(2, candidate, dear) for candidate in last]
         ranked = [last[int(np.argmin(took_s))]]
     number, with_fairway = ranked[0]
@@ -318,36 +318,50 @@ def _made_s(number: int, lanes: int) -> float:
     return MATRIX_S * (2 * lanes) ** 2 + (PIECES_S * lanes if number == 2 else 0.0)
 
 
-def _search_s(number: int, lanes: int) -> float:
-    """Return for how many seconds of budget a candidate is searched in a round, at least."""
-    if number == 1:
-        return max(LEAST_SEARCH_S, SEARCH_S * lanes)
-    return max(LEAST_REAL_SEARCH_S, REAL_SEARCH_S * lanes)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Affordable:
+    """How many candidates are planned, how many to the last, and how long each is searched."""
+
+    planned: int = 0
+    real: int = 0
+    search_s: float = 0.0
+    real_search_s: float = 0.0
 
 
 def _affordable(
     share_s: float, lanes: int, candidates: int, *, last_round: bool, either: bool = False
-) -> tuple[int, int, float]:
-    """Return how many candidates are planned, how many to the last, and how long searches are.
+) -> _Affordable:
+    """Return what can be done with a share of the budget.
 
-    The last round is the dearer one: it is held with two candidates or more, or not at all. With
-    `either` each bearing is two candidates, with a fairway and without.
+    The last round is the dearer one: it is held with two candidates or more, or not at all, with
+    short searches where long ones leave no room for two. With `either` each bearing is two
+    candidates, with a fairway and without.
     """
     if 2 * lanes > DENSE_ENDS:  # no matrix can be kept
-        return 0, 0, 1.0
-    one_s = _made_s(1, lanes) + _search_s(1, lanes)
-    real_s = _made_s(2, lanes) + _search_s(2, lanes)
+        return _Affordable()
     candidates *= 1 + either
-    real = int(REAL_SHARE * share_s / real_s) if last_round else 0
-    real = min(MOST_REAL + FAIRWAYS_REAL * either, candidates, real)
-    real = real if real >= 2 else 0
+    search_s = max(LEAST_SEARCH_S, SEARCH_S * lanes)
+    one_s = _made_s(1, lanes) + search_s
+    real = 0
+    for each_s in (REAL_SEARCH_S, SHORT_SEARCH_S):
+        real_search_s = max(LEAST_REAL_SEARCH_S, each_s * lanes)
+        real_s = _made_s(2, lanes) + real_search_s
+        if last_round and real < 2:
+            real = int(REAL_SHARE * share_s / real_s)
+            real = min(MOST_REAL + FAIRWAYS_REAL * either, candidates, real)
+            kept_s = real_s, real_search_s
+    if real < 2:
+        real, kept_s = 0, (0.0, 0.0)
+    real_s, real_search_s = kept_s
     planned = int((share_s - real * real_s) / one_s)
     planned = min(MOST_PLANNED + FAIRWAYS_PLANNED * either, candidates, planned)
     planned = planned if planned >= 2 else 0
-    searched_s = planned * _search_s(1, lanes) + real * _search_s(2, lanes)
+    searched_s = planned * search_s + real * real_search_s
     spare_s = share_s - planned * one_s - real * real_s
     effort = min(MOST_EFFORT, 1.0 + max(spare_s, 0.0) / searched_s) if searched_s > 0 else 1.0
-    return planned, real, effort
+    return _Affordable(
+        planned=planned, real=real, search_s=effort * search_s, real_search_s=effort * real_search_s
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

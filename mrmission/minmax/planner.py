@@ -138,17 +138,7 @@ def _evened_out(
     """
     from mrmission.minmax.search import minmax
 
-    def laid(tours: LaneTours) -> tuple[tuple[CoveragePath, ...], FloatArray]:
-        paths = tour_paths(
-            work.harbour, lines, hooks, tours.entries, lanes_alone=work.options.lanes_alone_count
-        )
-        seconds = [
-            time.duration_s(path.points_m, path.kind)
-            for path, time in zip(paths, work.times, strict=True)
-        ]
-        return paths, np.array(seconds)
-
-    paths, took_s = laid(tours)
+    paths, took_s = laid(tours, lines, hooks, work)
     if budget_s <= 0 or len(paths) < 2:
         return tours, paths
     best, best_paths, best_s = tours, paths, float(took_s.max())
@@ -158,10 +148,24 @@ def _evened_out(
             problem, home_cost=np.maximum(problem.home_cost + 0.5 * more_s[:, None], 0.0)
         )
         tours = minmax(handicap, budget_s, work.options.seed, tours)
-        paths, took_s = laid(tours)
+        paths, took_s = laid(tours, lines, hooks, work)
         if took_s.max() < best_s:
             best, best_paths, best_s = tours, paths, float(took_s.max())
     return best, best_paths
+
+
+def laid(
+    tours: LaneTours, lines: tuple[SurveyLine, ...], hooks: Hooks, work: PartWork
+) -> tuple[tuple[CoveragePath, ...], FloatArray]:
+    """Return the paths of tours, and the seconds that each robot takes for its own."""
+    paths = tour_paths(
+        work.harbour, lines, hooks, tours.entries, lanes_alone=work.options.lanes_alone_count
+    )
+    seconds = [
+        time.duration_s(path.points_m, path.kind)
+        for path, time in zip(paths, work.times, strict=True)
+    ]
+    return paths, np.array(seconds)
 
 
 def _problems(

@@ -206,20 +206,25 @@ def test_the_last_round_knows_all_that_the_plan_knows() -> None:
 
 
 def test_ten_thousand_lanes_are_not_planned_to_choose() -> None:
-    planned, real, _ = angle._affordable(angle.BUDGET_SHARE * 5.0, 10_000, 20, last_round=True)
-    assert (planned, real) == (0, 0)
-    planned, real, _ = angle._affordable(angle.BUDGET_SHARE * 5.0, 300, 20, last_round=True)
-    assert planned >= 4
-    assert real >= 2
+    can = angle._affordable(angle.BUDGET_SHARE * 5.0, 10_000, 20, last_round=True)
+    assert (can.planned, can.real) == (0, 0)
+    few, many = (
+        angle._affordable(angle.BUDGET_SHARE * 5.0, lanes, 20, last_round=True)
+        for lanes in (300, 700)
+    )
+    assert few.planned >= 4
+    assert min(few.real, many.real) >= 2
+    assert few.real_search_s >= angle.REAL_SEARCH_S * 300
+    assert many.real_search_s < angle.REAL_SEARCH_S * 700
 
 
 def test_what_ranking_is_counted_for_is_no_more_than_its_share() -> None:
     for lanes in (10, 100, 300, 700, 2000):
         for share in (0.01, 0.1, 1.5, 2.5, 30.0):
-            planned, real, effort = angle._affordable(share, lanes, 20, last_round=True)
-            searched = planned * angle._search_s(1, lanes) + real * angle._search_s(2, lanes)
-            made = planned * angle._made_s(1, lanes) + real * angle._made_s(2, lanes)
-            assert effort * searched + made <= share * (1 + 1e-9)
+            can = angle._affordable(share, lanes, 20, last_round=True)
+            spent = can.planned * (can.search_s + angle._made_s(1, lanes))
+            spent += can.real * (can.real_search_s + angle._made_s(2, lanes))
+            assert spent <= share * (1 + 1e-9)
 
 
 def test_no_budget_is_spent_where_none_is_given() -> None:
