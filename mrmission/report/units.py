@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
-from string import ascii_lowercase
 from typing import Any
 
 from mrmission.model import FleetReport, TieReport
@@ -285,7 +285,8 @@ def fleet_figures(report: FleetReport) -> tuple[tuple[str, str], ...]:
 def lanes_text(report: FleetReport) -> str:
     """Return how the lanes lie, and how many lie across them."""
     text = f"{human_length_fine(report.lane_spacing_m)} apart, {report.angle_deg:g}°"
-    rows = {line.name.rstrip(ascii_lowercase) for line in report.lines if line.kind == "fairway"}
+    # F3, F3b and F3-2 are pieces of one lane
+    rows = {re.split("[a-z-]", line.name)[0] for line in report.lines if line.kind == "fairway"}
     across = len(rows)
     return f"{text}; {across} across, in the fairway" if across else text
 

@@ -123,7 +123,7 @@ def test_options_that_are_named_exist(page: Path) -> None:
         assert command is not None
         inside = command.commands.values() if isinstance(command, click.Group) else ()
         for parameter in (p for c in (command, *inside) for p in c.params):
-            known.update(parameter.opts)
+            known.update(parameter.opts + parameter.secondary_opts)
     code = re.findall(r"`([^`\n]+)`", prose(page.read_text(encoding="utf-8")))
     named = {flag for span in code for flag in re.findall(r"(?<![\w-])--[a-z][\w-]*", span)}
     assert named - known == set()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 import shapely
@@ -10,6 +12,7 @@ from lakes import area_of, random_lake_m
 from mrmission.errors import ConfigError
 from mrmission.options import PlanOptions
 from mrmission.pipeline import plan
+from mrmission.report.units import lanes_text
 from mrmission.tour.fairway import Columns, Fairway, fairway_of, lanes_with_fairway
 from mrmission.tour.lines import LineKind, geometry_of, lane_lines
 from mrmission.tour.sweep import sweep_region
@@ -167,3 +170,12 @@ def test_robots_that_start_far_apart_have_none() -> None:
         area, planned(area.water_lonlat, robots=2, starts_lonlat=starts, fairway=True)
     ).report
     assert "fairway" not in {line.kind for line in report.lines}
+
+
+def test_the_report_counts_the_rows_of_the_fairway() -> None:
+    area = area_of(shapely.box(-200, -150, 200, 150))
+    report = plan(area, planned(area.water_lonlat, fairway=True, angle_deg=0.0)).report
+    rows = {re.match(r"F\d+", line.name)[0] for line in report.lines if line.kind == "fairway"}  # type: ignore[index]
+    assert len(rows) > 2
+    assert lanes_text(report) == f"10 m apart, 0°; {len(rows)} across, in the fairway"
+    assert "fairway" not in lanes_text(plan(area, planned(area.water_lonlat, fairway=False)).report)
