@@ -254,7 +254,7 @@ def fleet_figures(report: FleetReport) -> tuple[tuple[str, str], ...]:
     tuple of (str, str)
         Name and value of each figure.
     """
-    at_work = sum(1 for row in report.robots if row.lanes)
+    at_work = round(report.utilization * len(report.robots))
     # Coverage is counted over what the starts reach; where that is not all, the name says so.
     counted = "navigable region" if report.unreached_m2 <= 0 else "reached part"
     rows = [

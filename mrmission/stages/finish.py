@@ -206,7 +206,8 @@ def _report(
         lanes_bound_s=of_lanes.seconds if of_lanes else None,
         lanes_bound_name=of_lanes.name if of_lanes else "",
         lanes_gap=of_lanes.gap(makespan) if of_lanes else None,
-        utilization=sum(r.lanes > 0 for r in robots) / len(robots),
+        # a robot may go out for a place that is swept in passing, and for no line
+        utilization=sum(r.length_m > 0 for r in robots) / len(robots),
         coverage=covered / planned,
         coverage_survey_legs=sum(c.covered_by_survey_m2 for c in coverage) / planned,
         coverage_of_area=(covered + beyond) / survey.water_m.area,
