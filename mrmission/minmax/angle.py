@@ -30,7 +30,7 @@ from mrmission.minmax.travel import DENSE_ENDS
 from mrmission.model import FloatArray
 from mrmission.routing.harbour import Harbour
 from mrmission.tour.fairway import Columns, Fairway, beside_fairway, fairway_of, fairway_rows
-from mrmission.tour.sweep import ROWS_PER_COLUMN, SweepFrame, columns_of
+from mrmission.tour.sweep import SweepFrame, columns_of
 from mrmission.tour.timing import TimeModel
 from mrmission.tour.work import PartWork
 
@@ -258,15 +258,16 @@ def choose_bearing(
         )
         return makespan_s
 
+    ways: dict[int, Fairway | None] = {}
     if fairway and can.planned + can.real > 0:
-        ways = [(i, views[i].fairway(homes_m)) for i, _ in ranked]
-        ranked = [(i, w) for i, way in ways for w in ((True, False) if way else (False,))]
+        ways.update({i: views[i].fairway(homes_m) for i, _ in ranked})
+        ranked = [(i, w) for i, way in ways.items() for w in (True, False) if way or not w]
     if can.planned:
 
         def cheap(candidate: Candidate, search_s: float) -> float:
-            view = views[candidate[0]]
-            way = view.fairway(homes_m) if candidate[1] else None
-            problem = view.problem(harbour, homes_m, time, spacing_m, way)
+            i, with_way = candidate
+            way = ways[i] if with_way else None
+            problem = views[i].problem(harbour, homes_m, time, spacing_m, way)
             return float(minmax(problem, search_s, seed).cost.max())
 
         took_s = [planned_s(1, candidate, cheap) for candidate in ranked[: can.planned]]
@@ -342,17 +343,15 @@ def _affordable(
     candidates *= 1 + either
     search_s = max(LEAST_SEARCH_S, SEARCH_S * lanes)
     one_s = _made_s(1, lanes) + search_s
-    real = 0
-    for each_s in (REAL_SEARCH_S, SHORT_SEARCH_S):
-        real_search_s = max(LEAST_REAL_SEARCH_S, each_s * lanes)
-        real_s = _made_s(2, lanes) + real_search_s
-        if last_round and real < 2:
-            real = int(REAL_SHARE * share_s / real_s)
-            real = min(MOST_REAL + FAIRWAYS_REAL * either, candidates, real)
-            kept_s = real_s, real_search_s
-    if real < 2:
-        real, kept_s = 0, (0.0, 0.0)
-    real_s, real_search_s = kept_s
+    real, real_s, real_search_s = 0, 0.0, 0.0
+    for each_s in (REAL_SEARCH_S, SHORT_SEARCH_S) if last_round else ():
+        searched_s = max(LEAST_REAL_SEARCH_S, each_s * lanes)
+        whole_s = _made_s(2, lanes) + searched_s
+        many = int(REAL_SHARE * share_s / whole_s)
+        many = min(MOST_REAL + FAIRWAYS_REAL * either, candidates, many)
+        if many >= 2:
+            real, real_s, real_search_s = many, whole_s, searched_s
+            break
     planned = int((share_s - real * real_s) / one_s)
     planned = min(MOST_PLANNED + FAIRWAYS_PLANNED * either, candidates, planned)
     planned = planned if planned >= 2 else 0
@@ -440,9 +439,8 @@ class _View:
             return np.stack([np.repeat(x_m[:, None], 2, axis=1), y_m], axis=2), hooks_s
         columns = self.columns
         column = np.rint((x_m - columns.x_m[0]) / columns.pitch_m).astype(np.int64)
-        least_m = columns.pitch_m / ROWS_PER_COLUMN
-        of_lane, low, high = beside_fairway(fairway, column, y_m[:, 0], y_m[:, 1], least_m)
-        _, rows = fairway_rows(columns, fairway, least_m)
+        of_lane, low, high = beside_fairway(columns, fairway, column, y_m[:, 0], y_m[:, 1])
+        _, rows = fairway_rows(columns, fairway)
         x, y = np.repeat(x_m[of_lane][:, None], 2, axis=1), np.column_stack([low, high])
         at_shore = y == y_m[of_lane]
         hooks_s = np.where(at_shore[:, :, None], hooks_s[of_lane], 0.0)

@@ -11,13 +11,12 @@ import numpy as np
 
 from mrmission.minmax.planner import Prepared, laid
 from mrmission.minmax.problem import LaneTours
-from mrmission.minmax.trip_items import turning
+from mrmission.minmax.trip_items import ITEMS_PER_LINE, turning
 from mrmission.mission.items import count_items
 from mrmission.model import FloatArray
 
 NEAR_FULL = 0.6
 """Below this share of the memories, at `ITEMS_PER_LINE`, items are not looked at."""
-ITEMS_PER_LINE = 2.0
 ROOM = 0.97
 """Share of a memory that tours may fill: what covers the rest comes on top."""
 

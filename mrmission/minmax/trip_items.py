@@ -15,6 +15,8 @@ from mrmission.mission.items import KindArray, count_items
 from mrmission.model import BoolArray, CoveragePath, FloatArray, LegKind
 from mrmission.options import PlanOptions
 
+ITEMS_PER_LINE = 2.0
+"""Of its own and for the way to the next, about."""
 STRAIGHT = 1e-6
 """Sine of the angle from which on the next leg does not go straight on."""
 

@@ -18,6 +18,7 @@ from mrmission.routing.matrix import (
     GROUP,
     REGION,
     _block_regions,
+    _least_of_blocks,
     _search_group,
     seen_corners,
 )
@@ -75,14 +76,7 @@ def group_distances(
             first_of[v] = math.inf
             for b in range(many):
                 first_of[v] = min(first_of[v], label[v, b])
-        for u in range(len(block)):
-            least[u] = math.inf
-            for v in range(u * BLOCK, min(n, (u + 1) * BLOCK)):
-                least[u] = min(least[u], first_of[v])
-        for r in range(len(region)):
-            region_least[r] = math.inf
-            for u in range(r * REGION, min(len(block), (r + 1) * REGION)):
-                region_least[r] = min(region_least[r], least[u])
+        _least_of_blocks(first_of, least, region_least)
         previous = -1
         for place in range(len(targets)):
             t = target_order[place]

@@ -305,14 +305,7 @@ def few_distances(
                 if size > 1e-6:
                     on_left[v] = land[v, 0] * iny - land[v, 1] * inx < 0.0
                     bend[v] = (inx * land[v, 0] + iny * land[v, 1]) / size - 1e-9
-        for u in range(len(block)):
-            least[u] = math.inf
-            for v in range(u * BLOCK, min(n, (u + 1) * BLOCK)):
-                least[u] = min(least[u], label[v])
-        for r in range(len(region)):
-            region_least[r] = math.inf
-            for u in range(r * REGION, min(len(block), (r + 1) * REGION)):
-                region_least[r] = min(region_least[r], least[u])
+        _least_of_blocks(label, least, region_least)
         previous = last = -1
         for place in range(len(targets)):
             t = order[place]
@@ -370,6 +363,19 @@ def few_distances(
             out[s, t] = best
             previous = t
     return out
+
+
+@njit(cache=True, error_model="numpy")
+def _least_of_blocks(label: Float, least: Float, region_least: Float) -> None:
+    """Set the least label of the corners of each block, and of the blocks of each region."""
+    for u in range(len(least)):
+        least[u] = math.inf
+        for v in range(u * BLOCK, min(len(label), (u + 1) * BLOCK)):
+            least[u] = min(least[u], label[v])
+    for r in range(len(region_least)):
+        region_least[r] = math.inf
+        for u in range(r * REGION, min(len(least), (r + 1) * REGION)):
+            region_least[r] = min(region_least[r], least[u])
 
 
 @njit(cache=True, error_model="numpy")

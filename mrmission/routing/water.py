@@ -23,11 +23,7 @@ from mrmission.errors import PlanningError
 from mrmission.model import BoolArray, FloatArray
 from mrmission.routing import visibility as kernels
 from mrmission.routing.groups import group_distances
-from mrmission.routing.matrix import (
-    FEW_SOURCES,
-    few_distances,
-    many_distances,
-)
+from mrmission.routing.matrix import FEW_SOURCES, few_distances, many_distances
 from mrmission.routing.near import lengths_within, sort_into_squares
 from mrmission.routing.shore_grid import Int, build_grid, settle_points
 

@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from mrmission.minmax.trip_items import ITEMS_PER_LINE
 from mrmission.stages.trip_search import Planner
 from mrmission.stages.trip_work import TripWork
 from mrmission.tour.work import PartPlan
@@ -21,8 +22,6 @@ BUDGET_SHARE = 0.4
 """Of the time budget, for each of them."""
 MOST_FULL = 0.98
 """Where all memories together would be fuller than this, it is not tried."""
-ITEMS_PER_LINE = 2.0
-"""Of its own and for the way to the next, about."""
 
 
 def items_shared_out(base: TripWork, planner: Planner, room: float = 1.0) -> PartPlan | None:

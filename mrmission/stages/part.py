@@ -82,7 +82,6 @@ def plan_part(
             ),
             times=own_times,
             options=options,
-            fairway=way is not None,
         )
 
     choice = _lay_of_lanes(part, harbour, spacing, options, own_times[0], work_at)

@@ -224,9 +224,12 @@ def subtract_legs(
     tree = shapely.STRtree(lines)
     piece_index, leg_index = tree.query(pieces, predicate="dwithin", distance=radius_m)
     if len(pieces) > MANY_PIECES:
-        alone = _covered_by_one(pieces, legs_m, radius_m, piece_index, leg_index)
-        if alone.any():
-            return subtract_legs(pieces[~alone], legs_m, radius_m)
+        left = ~_covered_by_one(pieces, legs_m, radius_m, piece_index, leg_index)
+        if not left.any():
+            return []
+        of_left = left[piece_index]
+        piece_index = (np.cumsum(left) - 1)[piece_index[of_left]]
+        leg_index, pieces = leg_index[of_left], pieces[left]
     used = np.unique(leg_index)
     buffers = np.empty(len(legs_m), dtype=object)
     buffers[used] = leg_buffers(legs_m[used], radius_m)

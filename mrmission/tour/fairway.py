@@ -21,7 +21,7 @@ import shapely
 
 from mrmission.decomposition.slices import lane_intervals
 from mrmission.model import FloatArray, IntArray
-from mrmission.tour.lines import LineKind, SurveyLine, lane_names, letters
+from mrmission.tour.lines import LineKind, SurveyLine, lane_names, row_names
 from mrmission.tour.sweep import ROWS_PER_COLUMN, Sweep, SweepFrame, columns_of
 
 NARROWEST = 2
@@ -61,6 +61,11 @@ class Columns:
             pitch_m=sweep.column_pitch_m,
         )
 
+    @property
+    def shortest_m(self) -> float:
+        """Return the length below which a piece of a lane is none."""
+        return self.pitch_m / ROWS_PER_COLUMN
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fairway:
@@ -78,11 +83,6 @@ class Fairway:
     border_m: FloatArray
     first: IntArray
     stop: IntArray
-
-    def __len__(self) -> int:
-        """Return how many rows it has."""
-        used = self.stop > self.first
-        return int(self.stop[used].max() - self.first[used].min()) if used.any() else 0
 
 
 def fairway_of(columns: Columns, start_m: FloatArray, robots: int) -> Fairway | None:
@@ -160,29 +160,27 @@ def _fitted(
 
 
 def beside_fairway(
-    fairway: Fairway, column: IntArray, low_m: FloatArray, high_m: FloatArray, least_m: float
+    columns: Columns, fairway: Fairway, column: IntArray, low_m: FloatArray, high_m: FloatArray
 ) -> tuple[IntArray, FloatArray, FloatArray]:
     """Return what of lanes lies beside the fairway: which lane, from where, to where.
 
     Parameters
     ----------
-    fairway
-        The fairway.
+    columns, fairway
+        The fairway, and what it lies in.
     column, low_m, high_m
         (n,) column and ends of each lane, sweep frame.
-    least_m
-        Shorter pieces are left out.
     """
     below, above = fairway.border_m[fairway.first[column]], fairway.border_m[fairway.stop[column]]
     apart = (below == above) | (high_m <= below) | (low_m >= above)
     of_lane = np.repeat(np.arange(len(column)), 2)
     low = np.column_stack([low_m, np.where(apart, high_m, np.maximum(low_m, above))]).ravel()
     high = np.column_stack([np.where(apart, high_m, np.minimum(high_m, below)), high_m]).ravel()
-    kept = high - low > least_m
+    kept = high - low > columns.shortest_m
     return of_lane[kept], low[kept], high[kept]
 
 
-def fairway_rows(columns: Columns, fairway: Fairway, least_m: float) -> tuple[IntArray, FloatArray]:
+def fairway_rows(columns: Columns, fairway: Fairway) -> tuple[IntArray, FloatArray]:
     """Return the lanes of the fairway: the row (n,) of each, and (n, 2, 2) ends, sweep frame."""
     used = fairway.stop > fairway.first
     numbers = np.arange(fairway.first[used].min(), fairway.stop[used].max())
@@ -197,7 +195,7 @@ def fairway_rows(columns: Columns, fairway: Fairway, least_m: float) -> tuple[In
             a = np.maximum(low[row == i], columns.x_m[c] - half)
             b = np.minimum(high[row == i], columns.x_m[d - 1] + half)
             out += [(i, x, z) for x, z in zip(a.tolist(), b.tolist(), strict=True)]
-    found = sorted((i, a, b) for i, a, b in out if b - a > least_m)
+    found = sorted((i, a, b) for i, a, b in out if b - a > columns.shortest_m)
     rows = np.array([i for i, _, _ in found], dtype=np.int64)
     x = np.array([(a, b) for _, a, b in found], dtype=np.float64).reshape(-1, 2)
     return rows, np.stack([x, np.repeat(y[rows][:, None], 2, axis=1)], axis=2)
@@ -209,27 +207,18 @@ def lanes_with_fairway(sweep: Sweep, fairway: Fairway) -> tuple[SurveyLine, ...]
     Lanes are numbered as :func:`~mrmission.tour.lines.lane_lines` does it; those of the fairway
     are F1, F2, … along the bearing, and F1a, F1b, … where land or the taper interrupts them.
     """
-    least_m = sweep.column_pitch_m / ROWS_PER_COLUMN
+    columns = Columns.of(sweep)
     of_lane, low, high = beside_fairway(
-        fairway, sweep.lane_column, sweep.lane_y_m[:, 0], sweep.lane_y_m[:, 1], least_m
+        columns, fairway, sweep.lane_column, sweep.lane_y_m[:, 0], sweep.lane_y_m[:, 1]
     )
     column = sweep.lane_column[of_lane]
     names = lane_names(sweep.frame.bearing_deg, len(sweep.column_x_m), column, low)
     x = sweep.column_x_m[column]
     ends = np.stack([np.column_stack([x, low]), np.column_stack([x, high])], axis=1)
-    rows, row_ends = fairway_rows(Columns.of(sweep), fairway, least_m)
+    rows, row_ends = fairway_rows(columns, fairway)
     ways = sweep.frame.to_local(np.concatenate([ends, row_ends]))
     kinds = [LineKind.LANE] * len(column) + [LineKind.FAIRWAY] * len(rows)
     return tuple(
         SurveyLine(points_m=way, kind=kind, name=name)
-        for way, kind, name in zip(ways, kinds, [*names, *_row_names(rows)], strict=True)
+        for way, kind, name in zip(ways, kinds, [*names, *row_names("F", rows + 1)], strict=True)
     )
-
-
-def _row_names(rows: IntArray) -> list[str]:
-    """Return the names of the fairway's lanes, which are sorted by row."""
-    out = []
-    for i, row in enumerate(rows.tolist()):
-        mine = np.flatnonzero(rows == row)
-        out.append(f"F{row + 1}" + (letters(i - int(mine[0])) if len(mine) > 1 else ""))
-    return out

@@ -175,6 +175,21 @@ def lane_names(
     return names
 
 
+def row_names(prefix: str, row: IntArray) -> list[str]:
+    """Return the names of pieces of rows, by the number of each one's row, which never falls.
+
+    Examples
+    --------
+    >>> row_names("T", np.array([1, 2, 2]))
+    ['T1', 'T2a', 'T2b']
+    """
+    first, stop = (np.searchsorted(row, row, side).tolist() for side in ("left", "right"))
+    return [
+        f"{prefix}{number}" + (letters(i - a) if b - a > 1 else "")
+        for i, (number, a, b) in enumerate(zip(row.tolist(), first, stop, strict=True))
+    ]
+
+
 def letters(index: int) -> str:
     """Return a, b, … z, aa, ab, … for 0, 1, ….
 

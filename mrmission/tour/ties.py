@@ -23,7 +23,7 @@ import shapely
 from mrmission.decomposition.slices import lane_intervals
 from mrmission.errors import InfeasibleError
 from mrmission.model import FloatArray, IntArray, TieReport
-from mrmission.tour.lines import LineKind, SurveyLine, geometry_of, lengths_m, letters
+from mrmission.tour.lines import LineKind, SurveyLine, geometry_of, lengths_m, row_names
 from mrmission.tour.sweep import SweepFrame
 from mrmission.tour.tie_spec import TieSpec
 
@@ -125,13 +125,12 @@ def _rows(
 
 
 def _named(ways: FloatArray, row: IntArray) -> tuple[SurveyLine, ...]:
-    out = []
-    for number, own in enumerate(np.unique(row), 1):
-        mine = np.flatnonzero(row == own)
-        for i, index in enumerate(mine.tolist()):
-            name = f"T{number}" + (letters(i) if len(mine) > 1 else "")
-            out.append(SurveyLine(points_m=ways[index], kind=LineKind.TIE, name=name))
-    return tuple(out)
+    """Return tie lines named by the rows that have any, numbered from 1."""
+    names = row_names("T", np.unique(row, return_inverse=True)[1] + 1)
+    return tuple(
+        SurveyLine(points_m=way, kind=LineKind.TIE, name=name)
+        for way, name in zip(ways, names, strict=True)
+    )
 
 
 def crossings(lines: Sequence[SurveyLine]) -> TieReport:

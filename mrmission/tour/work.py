@@ -45,8 +45,6 @@ class PartWork:
         where all count alike. Robots of different endurance are compared so.
     line_toll_s
         What each line counts beside its seconds, so that no robot has too many of them.
-    fairway
-        Whether lanes of a fairway are among the lines.
     """
 
     region_m: shapely.Polygon
@@ -60,7 +58,6 @@ class PartWork:
     options: PlanOptions
     weights: FloatArray | None = None
     line_toll_s: float = 0.0
-    fairway: bool = False
 
     @property
     def lines_m(self) -> FloatArray:
