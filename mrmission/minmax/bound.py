@@ -13,14 +13,24 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from mrmission.minmax import bound_legs as kernels
-from mrmission.minmax.bound_sets import crossings, odd_sets
+from mrmission.minmax.bound_arms import arms_makespan
+from mrmission.minmax.bound_parts import (
+    NEAR,
+    Covers,
+    Legs,
+    Task,
+    more_covers,
+    near_ends,
+    near_legs,
+    no_covers,
+    usual_leg_s,
+    with_legs,
+)
+from mrmission.minmax.bound_sets import crossings
 from mrmission.model import FloatArray, IntArray
 
-NEAR = 8
-"""Legs to so many nearest ends of other lines are looked at first; others are added when needed."""
 SHARES = ((0.0, 0.25), (0.0, 0.5), (0.0, 1.0), (1.0, 1.0))
 MANY = ((0.0, 0.5),)
 """Depths to begin with: which share of a line's seconds it goes deeper by, and a factor on all."""
@@ -36,11 +46,6 @@ TRIES = (2, 6)
 """How often a makespan is lowered until all legs prove it: between rounds, after the last."""
 FOLLOW = 3.0
 """Depths move so many times as far as charges do."""
-MOST_ENDS = 15
-SELDOM = 0.05
-OVERLAP = 2
-"""Odd sets have up to so many ends, are crossed less than once by so much, and share ends with so
-many others that are found at the same time."""
 MARGIN = 1e-9
 """Part by which a bound is lowered for the rounding of sums."""
 
@@ -54,31 +59,12 @@ class LanesBound:
     makespan_s
         Seconds.
     term
-        What it comes from, in words: ``work shared out``, ``connection``, ``reach and connection``
-        or ``farthest line``.
+        What it comes from, in words: ``work shared out``, ``connection``, ``reach and connection``,
+        ``tours into arms, and connection`` or ``farthest line``.
     """
 
     makespan_s: float
     term: str
-
-
-@dataclass(frozen=True, slots=True)
-class _Legs:
-    """A sparse set of legs between ends: those of end a are ``start[a]`` to ``start[a + 1]``."""
-
-    start: IntArray
-    other: IntArray
-    owner: IntArray
-    length: FloatArray
-
-
-@dataclass(frozen=True, slots=True)
-class _Covers:
-    """Odd sets of ends one after the other, and what crossing their borders is charged."""
-
-    start: IntArray
-    end: IntArray
-    toll: FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,32 +74,8 @@ class _Proof:
     makespan: float
     charge: FloatArray
     depth: FloatArray
-    covers: _Covers
-    legs: _Legs
-
-
-@dataclass(frozen=True, slots=True)
-class _Task:
-    """Robots, seconds of the lines, and least seconds between ends and to the nearest home."""
-
-    robots: float
-    line_s: FloatArray
-    home_s: FloatArray
-    end_s: FloatArray
-    places_s: FloatArray
-    slack_s: float
-
-    @property
-    def table(self) -> tuple[FloatArray, FloatArray, float]:
-        """Return the ways between ends as the kernels take them."""
-        return self.end_s, self.places_s, self.slack_s
-
-    def ways(self, a: IntArray, b: IntArray) -> FloatArray:
-        """Return the least seconds between ends; as the crow flies where there is no matrix."""
-        if len(self.end_s):
-            return np.asarray(self.end_s[a, b])
-        step = self.places_s[a] - self.places_s[b]
-        return np.maximum(0.0, np.hypot(step[:, 0], step[:, 1]) - self.slack_s)
+    covers: Covers
+    legs: Legs
 
 
 def lanes_bound(
@@ -213,7 +175,7 @@ def _bound(
     fastest = float(pace.min())
     line = np.ascontiguousarray(line_s, dtype=np.float64)
     home = np.ascontiguousarray(np.min(home_s / pace[:, None], axis=0), dtype=np.float64)
-    task = _Task(float((fastest / pace).sum()), line, home, end_s, places_s, slack_s)
+    task = Task(float((fastest / pace).sum()), robots, line, home, end_s, places_s, slack_s)
     best, term = max(float(line.sum()) / task.robots, 0.0), "work shared out"
     # numbers that are no metric may make the way over other lines the shorter one
     away = kernels.depths(line, task.table, home, 1.0)
@@ -222,11 +184,16 @@ def _bound(
         best, term = far, "farthest line"
     if near is not None and len(line) > MOST_LINES:
         return LanesBound(makespan_s=fixed_s + fastest * best * (1.0 - MARGIN), term=term)
-    found = _search(task, _near(end_s), SHARES) if near is None else _search(task, near, MANY)
+    legs = near_legs(near_ends(end_s) if near is None else near, task)
+    found = _search(task, legs, SHARES if near is None else MANY)
     if found.makespan > best:
         best = found.makespan
         term = "reach and connection" if found.depth.max() > 0 else "connection"
         term += "" if near is None else ", as the crow flies"
+    if near is None:
+        in_arms_s = arms_makespan(task, legs)
+        if in_arms_s > best:
+            best, term = in_arms_s, "tours into arms, and connection"
     return LanesBound(makespan_s=fixed_s + fastest * best * (1.0 - MARGIN), term=term)
 
 
@@ -265,27 +232,20 @@ def divisible_bound(
     return LanesBound(makespan_s=best * (1.0 - MARGIN), term=term)
 
 
-def _search(task: _Task, near: IntArray, shares: tuple[tuple[float, float], ...]) -> _Proof:
-    """Return the best proof that was found; `near` has the nearest ends of other lines."""
-    m = len(task.home_s)
-    a, b = np.repeat(np.arange(m), near.shape[1]), near.ravel()
-    legs = _legs_of(np.concatenate([a * m + b, b * m + a]), task)
-    has = np.diff(legs.start) > 0
-    step_s = float(task.home_s.max())
-    if has.any():
-        step_s = float(np.median(np.minimum.reduceat(legs.length, legs.start[:-1][has])))
-    nothing = _Covers(np.zeros(1, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0))
+def _search(task: Task, legs: Legs, shares: tuple[tuple[float, float], ...]) -> _Proof:
+    """Return the best proof by prices that was found; `legs` are to be looked at first."""
+    step_s = usual_leg_s(legs, task)
+    charge = np.full(len(task.home_s), step_s / 4)
     tried = []
     for share, factor in shares:
         depth = factor * kernels.depths(task.line_s, task.table, task.home_s, share)
-        charge = np.full(m, step_s / 4)
-        tried.append(_climb(task, _Proof(0.0, charge, depth, nothing, legs), step_s, TRIAL))
+        tried.append(_climb(task, _Proof(0.0, charge, depth, no_covers(), legs), step_s, TRIAL))
     proof = max(tried, key=lambda found: found.makespan)
     return _climb(task, proof, step_s, POLISH if len(task.end_s) else POLISH[::2])
 
 
 def _climb(
-    task: _Task, proof: _Proof, step_s: float, rounds: tuple[tuple[int, float, float], ...]
+    task: Task, proof: _Proof, step_s: float, rounds: tuple[tuple[int, float, float], ...]
 ) -> _Proof:
     """Return the best proof that rounds of steps lead to, that given or one better."""
     best = proof
@@ -306,66 +266,10 @@ def _climb(
             task.robots, found, task.line_s, task.table,
             task.home_s, charge, depth, sets, toll, via, TRIES[(steps, first, last) == rounds[-1]],
         )  # fmt: skip
-        covers = _Covers(covers.start, covers.end, toll)
+        covers = Covers(covers.start, covers.end, toll)
         if found > best.makespan:
             best = _Proof(found, charge.copy(), depth.copy(), covers, legs)
         if len(task.end_s):
-            covers = _more_covers(covers, legs, *means)
-        legs = _with_legs(legs, via, task)
+            covers = more_covers(covers, legs, *means)
+        legs = with_legs(legs, via, task)
     return best
-
-
-def _more_covers(covers: _Covers, legs: _Legs, mean: FloatArray, mean_home: FloatArray) -> _Covers:
-    """Return the sets that charge anything and odd ones whose borders legs cross too seldom."""
-    m = len(mean_home)
-    key = np.minimum(legs.owner, legs.other) * m + np.maximum(legs.owner, legs.other)
-    _, pair = np.unique(key, return_inverse=True)
-    both = np.bincount(pair, weights=mean)[pair] if len(pair) else mean
-    found = np.zeros((m, MOST_ENDS), dtype=np.int64)
-    size = np.zeros(m, dtype=np.int64)
-    cut = np.zeros(m)
-    count = odd_sets(legs.start, legs.other, both, mean_home, MOST_ENDS, SELDOM, found, size, cut)
-    sets = {
-        tuple(covers.end[a:b].tolist()): toll
-        for a, b, toll in zip(covers.start[:-1], covers.start[1:], covers.toll, strict=True)
-        if toll > 0
-    }
-    taken = np.zeros(m, dtype=np.int64)
-    for c in np.argsort(cut[:count], kind="stable"):
-        ends = np.sort(found[c, : size[c]])
-        if taken[ends].max() < OVERLAP and tuple(ends.tolist()) not in sets:
-            taken[ends] += 1
-            sets[tuple(ends.tolist())] = 0.0
-    lengths = np.array([0, *(len(ends) for ends in sets)], dtype=np.int64)
-    return _Covers(
-        np.cumsum(lengths),
-        np.array([a for ends in sets for a in ends], dtype=np.int64),
-        np.array(list(sets.values()), dtype=np.float64),
-    )
-
-
-def _near(end_s: FloatArray) -> IntArray:
-    """Return (ends, at most NEAR) nearest ends of other lines."""
-    m = len(end_s)
-    count = min(NEAR, m - 2)
-    if count <= 0:
-        return np.zeros((m, 0), dtype=np.int64)
-    away = end_s.copy()
-    here = np.arange(m)
-    away[here, here] = np.inf
-    away[here, here ^ 1] = np.inf
-    return np.argpartition(away, count - 1, axis=1)[:, :count].astype(np.int64)
-
-
-def _with_legs(legs: _Legs, pairs: IntArray, task: _Task) -> _Legs:
-    """Return the legs and those between pairs of ends, -1 for no end."""
-    m = len(task.home_s)
-    p, q = pairs[pairs[:, 0] >= 0].T
-    return _legs_of(np.concatenate([legs.owner * m + legs.other, p * m + q, q * m + p]), task)
-
-
-def _legs_of(key: npt.NDArray[np.int64], task: _Task) -> _Legs:
-    m = len(task.home_s)
-    a, b = np.divmod(np.unique(key), m)
-    start = np.searchsorted(a, np.arange(m + 1)).astype(np.int64)
-    return _Legs(start, b.astype(np.int64), a.astype(np.int64), task.ways(a, b))

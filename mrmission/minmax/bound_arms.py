@@ -1,0 +1,120 @@
+"""The bound that counts how many tours must go into each arm of the water, for chosen lines.
+
+The proof is in ``docs/bounds.md``. In short: whoever works beyond the mouth of an arm comes and
+goes through it, so the mouth is passed twice by as many tours as the work beyond it needs, a whole
+number; what that takes, the work and what connects it must fit into all tours together.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mrmission.minmax import arms_kernels as kernels
+from mrmission.minmax.arms import Arms, arms_of
+from mrmission.minmax.bound_parts import (
+    Covers,
+    Legs,
+    Task,
+    more_covers,
+    no_covers,
+    usual_leg_s,
+    with_legs,
+)
+from mrmission.minmax.bound_sets import crossings
+from mrmission.model import FloatArray, IntArray
+
+TREES = ((0.0, 0.5), (0.0, 1.0), (0.25, 1.0), (0.5, 0.7), (0.5, 1.0), (1.0, 0.7), (1.0, 1.0))
+"""Trees to begin with: which share of a line's seconds it goes deeper by, a factor on lengths."""
+TRIAL = ((60, 0.2),)
+POLISH = tuple((400, 0.05 * 0.65**turn) for turn in range(6))
+"""Rounds of steps: how many, and the first in parts of a usual leg."""
+MOST_STEPS = 300_000
+"""Rounds of more lines have fewer steps: so many lines times steps."""
+LAST = 0.3
+"""The last step of a round, in parts of the first."""
+FOLLOW = 0.03
+"""Lengths of edges move by so much of what charges do."""
+AHEAD = 0.005
+"""Slopes are those at a makespan so much longer than the one that is proven."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Proof:
+    """What proves a makespan: the tree with its lengths, charges of ends, tolls of odd sets."""
+
+    makespan: float
+    charge: FloatArray
+    arms: Arms
+    covers: Covers
+    legs: Legs
+
+
+def arms_makespan(task: Task, legs: Legs) -> float:
+    """Return a makespan, in the task's seconds, below which no plan is.
+
+    Parameters
+    ----------
+    task
+        With a matrix of ways.
+    legs
+        Those to be looked at first.
+    """
+    step_s = usual_leg_s(legs, task)
+    charge = np.full(len(task.home_s), step_s / 4)
+    tried = []
+    for share, factor in TREES:
+        arms = arms_of(task, share, factor)
+        begun = _Proof(0.0, charge, arms, no_covers(), legs)
+        tried.append(_climb(task, begun, step_s, TRIAL, proven=False))
+    first = max(tried, key=lambda proof: proof.makespan)
+    return _climb(task, first, step_s, POLISH).makespan
+
+
+def _climb(
+    task: Task,
+    begun: _Proof,
+    step_s: float,
+    rounds: tuple[tuple[int, float], ...],
+    *,
+    proven: bool = True,
+) -> _Proof:
+    """Return the best proof that rounds of steps lead to; on its legs alone where not `proven`."""
+    charge, length = begun.charge.copy(), begun.arms.length.copy()
+    arms, covers, legs = begun.arms, begun.covers, begun.legs
+    tree = (arms.above, arms.node, arms.meet, arms.crossed)
+    via = np.zeros((2 * len(charge), 2), dtype=np.int64)
+    most = MOST_STEPS // len(task.line_s) + 30
+    best = 0.0
+    for steps, first in rounds:
+        toll = covers.toll.copy()
+        means = np.zeros(len(legs.other)), np.zeros(len(charge))
+        sets = covers.start, covers.end
+        inside = _inside(covers, arms)
+        found = kernels.climb(
+            task.robots, task.tours, task.line_s, task.home_s,
+            (legs.start, legs.other, legs.owner), legs.length, sets, inside,
+            crossings(legs.start, legs.other, *sets), tree, charge, length, toll,
+            (min(steps, most), step_s * first, LAST, FOLLOW, AHEAD), means,
+        )  # fmt: skip
+        covers = more_covers(Covers(*sets, toll), legs, *means)
+        if proven:
+            found = kernels.proven(
+                task.robots, task.tours, task.line_s, task.end_s, task.home_s, sets, inside, tree,
+                charge, length, toll, via,
+            )  # fmt: skip
+            legs = with_legs(legs, via, task)
+        best = max(best, found)
+    return _Proof(best, charge, replace(arms, length=length), covers, legs)
+
+
+def _inside(covers: Covers, arms: Arms) -> IntArray:
+    """Return for each set the node where the ways home of its ends run together."""
+    out = np.zeros(len(covers.toll), dtype=np.int64)
+    for s, (a, b) in enumerate(zip(covers.start[:-1], covers.start[1:], strict=True)):
+        nodes = arms.node[covers.end[a:b]]
+        out[s] = nodes[0]
+        for v in nodes[1:]:
+            out[s] = arms.meet[out[s], v]
+    return out
