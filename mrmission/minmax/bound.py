@@ -60,7 +60,7 @@ class LanesBound:
         Seconds.
     term
         What it comes from, in words: ``work shared out``, ``connection``, ``reach and connection``,
-        ``tours into arms, and connection`` or ``farthest line``.
+        ``arms and connection`` or ``farthest line``.
     """
 
     makespan_s: float
@@ -193,7 +193,7 @@ def _bound(
     if near is None:
         in_arms_s = arms_makespan(task, legs)
         if in_arms_s > best:
-            best, term = in_arms_s, "tours into arms, and connection"
+            best, term = in_arms_s, "arms and connection"
     return LanesBound(makespan_s=fixed_s + fastest * best * (1.0 - MARGIN), term=term)
 
 

@@ -134,7 +134,7 @@ def _parallel(lines: int, robots: int, length: float, off: float) -> tuple[Float
         (1, 1, 10.0, 0.0, "farthest line"),
         (3, 3, 1.0, 50.0, "farthest line"),
         (12, 1, 10.0, 0.0, "connection"),
-        (24, 4, 10.0, 30.0, "tours into arms, and connection"),
+        (24, 4, 10.0, 30.0, "arms and connection"),
     ],
 )
 def test_each_term_where_it_counts(
