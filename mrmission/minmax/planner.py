@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mrmission.minmax.bound import LanesBound, lanes_bound, many_lanes_bound
+from mrmission.minmax.bounds.lanes import LanesBound, lanes_bound, many_lanes_bound
 from mrmission.minmax.costs import speed_scales
 from mrmission.minmax.cut import cut_lines, swept_in_one_go
 from mrmission.minmax.hooks import Hooks, find_hooks, no_hooks

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import shapely
 
-from mrmission.minmax.bound import divisible_bound, lanes_bound, many_lanes_bound
+from mrmission.minmax.bounds.lanes import divisible_bound, lanes_bound, many_lanes_bound
 from mrmission.minmax.search import LaneProblem, minmax
 from mrmission.model import FloatArray
 from mrmission.routing.water import WaterRouter

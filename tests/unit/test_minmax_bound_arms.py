@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mrmission.minmax import arms_kernels as kernels
-from mrmission.minmax import bound
-from mrmission.minmax.arms import FINEST, arms_of
-from mrmission.minmax.bound_arms import arms_makespan
-from mrmission.minmax.bound_parts import Task, near_ends, near_legs
+from mrmission.minmax.bounds import arms_kernels as kernels
+from mrmission.minmax.bounds import prices
+from mrmission.minmax.bounds.arms import arms_makespan
+from mrmission.minmax.bounds.lanes import lanes_bound
+from mrmission.minmax.bounds.parts import Task, near_ends, near_legs
+from mrmission.minmax.bounds.tree import FINEST, arms_of
 from mrmission.model import FloatArray, IntArray
 from tests.best_tours import best_makespan
 
@@ -134,7 +135,7 @@ def test_whole_tours_go_into_arms(arms: int, lines: int, robots: int) -> None:
     best = best_makespan(line, end, home)
     whole = arms_makespan(_task(line, end, home), near_legs(near_ends(end), _task(line, end, home)))
     assert 0.96 * best < whole <= best * (1 + 1e-9)
-    found = bound.lanes_bound(line_s=line, end_s=end, home_s=home)
+    found = lanes_bound(line_s=line, end_s=end, home_s=home)
     assert found.makespan_s >= whole * (1 - 1e-8)
 
 
@@ -142,7 +143,7 @@ def test_parts_of_tours_do_not_know_that() -> None:
     line, end, home = _star(2, 3, 3, 50.0)
     task = _task(line, end, home)
     legs = near_legs(near_ends(end), task)
-    in_parts = bound._search(task, legs, bound.SHARES).makespan
+    in_parts = prices.prices_makespan(task, legs, prices.SHARES)[0]
     assert arms_makespan(task, legs) > 1.05 * in_parts
 
 

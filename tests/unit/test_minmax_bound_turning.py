@@ -12,7 +12,7 @@ import pytest
 import shapely
 
 from mrmission.minmax import costs as costs_module
-from mrmission.minmax.bound import lanes_bound
+from mrmission.minmax.bounds.lanes import lanes_bound
 from mrmission.minmax.costs import LineCosts, line_costs
 from mrmission.minmax.hooks import no_hooks
 from mrmission.minmax.problem import LaneProblem

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from mrmission.minmax import bound_legs
-from mrmission.minmax.bound_parts import Task
+from mrmission.minmax.bounds import prices_kernels
+from mrmission.minmax.bounds.parts import Task
 from mrmission.model import FloatArray, IntArray
 
 LEAST_ENDS = 4
@@ -63,7 +63,7 @@ def arms_of(task: Task, share: float, factor: float) -> Arms:
     factor
         On all lengths.
     """
-    depth = bound_legs.depths(task.line_s, task.table, task.home_s, share)
+    depth = prices_kernels.depths(task.line_s, task.table, task.home_s, share)
     a, b, join = _joins(task.end_s, depth, share * task.line_s)
     order = np.argsort(-join, kind="stable")
     above, height, node = _tree(

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from mrmission.minmax.bound_sets import odd_sets
+from mrmission.minmax.bounds.odd_sets import odd_sets
 from mrmission.model import FloatArray, IntArray
 
 NEAR = 8

@@ -1,8 +1,8 @@
 """Compiled kernels of the bound that counts how many tours go into each arm of the water.
 
-Ends of lines sit at the nodes of a tree, see :mod:`mrmission.minmax.arms`; ends have charges and
-odd sets of ends tolls. What is proven about them is in ``docs/bounds.md``. ``arms`` are the arrays
-``above, node, meet, crossed`` of the tree, ``covers`` the sets: set s has the ends
+Ends of lines sit at the nodes of a tree, see :mod:`mrmission.minmax.bounds.tree`; ends have charges
+and odd sets of ends tolls. What is proven about them is in ``docs/bounds.md``. ``arms`` are the
+arrays ``above, node, meet, crossed`` of the tree, ``covers`` the sets: set s has the ends
 ``ends[start[s]:start[s + 1]]``, and the ways home of all of them run together at ``inside[s]``.
 """
 
@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from mrmission.minmax.bound_legs import _pop, _push, _take_tolls
+from mrmission.minmax.bounds.prices_kernels import _pop, _push, _take_tolls
 
 ROUNDED = 1e-9
 """Part of a tour by which a number of tours may be off from rounding."""
@@ -178,7 +178,7 @@ def climb(  # type: ignore[no-untyped-def]
     Steps along the slope of what a plan takes at least at a makespan a little above the one that
     is proven. ``pace`` is how many, the seconds of the first, the last in parts of the first, how
     far edges move in parts of how far charges do, and that makespan's excess. ``means`` are as in
-    :func:`mrmission.minmax.bound_legs.ascend`.
+    :func:`mrmission.minmax.bounds.prices_kernels.ascend`.
     """
     rounds, step_s, last, follow, ahead = pace
     start, other, owner = legs

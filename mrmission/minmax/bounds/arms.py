@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mrmission.minmax import arms_kernels as kernels
-from mrmission.minmax.arms import Arms, arms_of
-from mrmission.minmax.bound_parts import (
+from mrmission.minmax.bounds import arms_kernels as kernels
+from mrmission.minmax.bounds.odd_sets import crossings
+from mrmission.minmax.bounds.parts import (
     Covers,
     Legs,
     Task,
@@ -22,7 +22,7 @@ from mrmission.minmax.bound_parts import (
     usual_leg_s,
     with_legs,
 )
-from mrmission.minmax.bound_sets import crossings
+from mrmission.minmax.bounds.tree import Arms, arms_of
 from mrmission.model import FloatArray, IntArray
 
 TREES = ((0.0, 0.5), (0.0, 1.0), (0.25, 1.0), (0.5, 0.7), (0.5, 1.0), (1.0, 0.7), (1.0, 1.0))

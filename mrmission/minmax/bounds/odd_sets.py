@@ -1,4 +1,4 @@
-"""Odd sets of line ends for :mod:`mrmission.minmax.bound`: found, and the legs across them."""
+"""Odd sets of line ends for the bounds: found, and the legs across their borders."""
 
 from __future__ import annotations
 

@@ -1,11 +1,7 @@
 """The bound for chosen lines: what the longest tour takes at least if each is swept in one go.
 
-The proof is in ``docs/bounds.md``. In short: every line has work, its seconds and what its ends are
-charged for the legs that must reach them; a tour that goes to a depth d spends 2 d on the way there
-and back, so it has room for T - 2 d of other work, and each second of it takes 1/(T - 2 d) of a
-robot at least. What charges and depths leave of the legs must still connect all lines with home:
-a least spanning tree. T is too short as long as all that takes more robots than there are. Which
-charges and depths are best is searched for; that the answer is true does not depend on how.
+The greatest of what the work, the farthest line, prices (:mod:`.prices`) and arms
+(:mod:`.arms`) say. The proofs are in ``docs/bounds.md``.
 """
 
 from __future__ import annotations
@@ -14,38 +10,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mrmission.minmax import bound_legs as kernels
-from mrmission.minmax.bound_arms import arms_makespan
-from mrmission.minmax.bound_parts import (
-    NEAR,
-    Covers,
-    Legs,
-    Task,
-    more_covers,
-    near_ends,
-    near_legs,
-    no_covers,
-    usual_leg_s,
-    with_legs,
-)
-from mrmission.minmax.bound_sets import crossings
+from mrmission.minmax.bounds.arms import arms_makespan
+from mrmission.minmax.bounds.parts import NEAR, Task, near_ends, near_legs
+from mrmission.minmax.bounds.prices import MANY, SHARES, prices_makespan
+from mrmission.minmax.bounds.prices_kernels import depths
 from mrmission.model import FloatArray, IntArray
 
-SHARES = ((0.0, 0.25), (0.0, 0.5), (0.0, 1.0), (1.0, 1.0))
-MANY = ((0.0, 0.5),)
-"""Depths to begin with: which share of a line's seconds it goes deeper by, and a factor on all."""
-TRIAL = ((60, 0.5, 0.3),)
-POLISH = tuple((250, 0.3 * 0.55**turn, 0.3) for turn in range(5))
-"""Rounds of steps: how many, the first in parts of a typical leg, the last against the first."""
-MOST_STEPS = 150_000
-"""Rounds of more lines have fewer steps: so many lines times steps."""
 MOST_LINES = 6000
 """More lines are bounded by the work and the farthest line alone: a proof over all pairs of their
 ends takes longer than the plan."""
-TRIES = (2, 6)
-"""How often a makespan is lowered until all legs prove it: between rounds, after the last."""
-FOLLOW = 3.0
-"""Depths move so many times as far as charges do."""
 MARGIN = 1e-9
 """Part by which a bound is lowered for the rounding of sums."""
 
@@ -65,17 +38,6 @@ class LanesBound:
 
     makespan_s: float
     term: str
-
-
-@dataclass(frozen=True, slots=True)
-class _Proof:
-    """What proves a makespan: charges and depths of ends, tolls of odd sets."""
-
-    makespan: float
-    charge: FloatArray
-    depth: FloatArray
-    covers: Covers
-    legs: Legs
 
 
 def lanes_bound(
@@ -178,17 +140,16 @@ def _bound(
     task = Task(float((fastest / pace).sum()), robots, line, home, end_s, places_s, slack_s)
     best, term = max(float(line.sum()) / task.robots, 0.0), "work shared out"
     # numbers that are no metric may make the way over other lines the shorter one
-    away = kernels.depths(line, task.table, home, 1.0)
+    away = depths(line, task.table, home, 1.0)
     far = float((away[::2] + line + away[1::2]).max())
     if far > best:
         best, term = far, "farthest line"
     if near is not None and len(line) > MOST_LINES:
         return LanesBound(makespan_s=fixed_s + fastest * best * (1.0 - MARGIN), term=term)
     legs = near_legs(near_ends(end_s) if near is None else near, task)
-    found = _search(task, legs, SHARES if near is None else MANY)
-    if found.makespan > best:
-        best = found.makespan
-        term = "reach and connection" if found.depth.max() > 0 else "connection"
+    priced_s, deep = prices_makespan(task, legs, SHARES if near is None else MANY)
+    if priced_s > best:
+        best, term = priced_s, "reach and connection" if deep else "connection"
         term += "" if near is None else ", as the crow flies"
     if near is None:
         in_arms_s = arms_makespan(task, legs)
@@ -230,46 +191,3 @@ def divisible_bound(
         if found > best:
             best, term = found, "work shared out" if r == 0 else "reach"
     return LanesBound(makespan_s=best * (1.0 - MARGIN), term=term)
-
-
-def _search(task: Task, legs: Legs, shares: tuple[tuple[float, float], ...]) -> _Proof:
-    """Return the best proof by prices that was found; `legs` are to be looked at first."""
-    step_s = usual_leg_s(legs, task)
-    charge = np.full(len(task.home_s), step_s / 4)
-    tried = []
-    for share, factor in shares:
-        depth = factor * kernels.depths(task.line_s, task.table, task.home_s, share)
-        tried.append(_climb(task, _Proof(0.0, charge, depth, no_covers(), legs), step_s, TRIAL))
-    proof = max(tried, key=lambda found: found.makespan)
-    return _climb(task, proof, step_s, POLISH if len(task.end_s) else POLISH[::2])
-
-
-def _climb(
-    task: Task, proof: _Proof, step_s: float, rounds: tuple[tuple[int, float, float], ...]
-) -> _Proof:
-    """Return the best proof that rounds of steps lead to, that given or one better."""
-    best = proof
-    charge, depth = proof.charge.copy(), proof.depth.copy()
-    covers, legs = proof.covers, proof.legs
-    via = np.zeros((2 * len(charge), 2), dtype=np.int64)
-    most = MOST_STEPS // len(task.line_s) + 30
-    for steps, first, last in rounds:
-        toll = covers.toll.copy()
-        means = np.zeros(len(legs.other)), np.zeros(len(charge))
-        sets = covers.start, covers.end
-        found = kernels.ascend(
-            task.robots, task.line_s, task.home_s, (legs.start, legs.other, legs.owner),
-            legs.length, sets, crossings(legs.start, legs.other, *sets),
-            charge, depth, toll, (min(steps, most), step_s * first, last, FOLLOW), means,
-        )  # fmt: skip
-        found = kernels.dense_makespan(
-            task.robots, found, task.line_s, task.table,
-            task.home_s, charge, depth, sets, toll, via, TRIES[(steps, first, last) == rounds[-1]],
-        )  # fmt: skip
-        covers = Covers(covers.start, covers.end, toll)
-        if found > best.makespan:
-            best = _Proof(found, charge.copy(), depth.copy(), covers, legs)
-        if len(task.end_s):
-            covers = more_covers(covers, legs, *means)
-        legs = with_legs(legs, via, task)
-    return best
