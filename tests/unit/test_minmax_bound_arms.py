@@ -7,10 +7,10 @@ import pytest
 
 from mrmission.minmax.bounds import arms_kernels as kernels
 from mrmission.minmax.bounds import prices
-from mrmission.minmax.bounds.arms import arms_makespan
+from mrmission.minmax.bounds.arms import _inside, arms_makespan
 from mrmission.minmax.bounds.lanes import lanes_bound
-from mrmission.minmax.bounds.parts import Task, near_ends, near_legs
-from mrmission.minmax.bounds.tree import FINEST, arms_of
+from mrmission.minmax.bounds.parts import Covers, Task, near_ends, near_legs
+from mrmission.minmax.bounds.tree import FINEST, Arms, arms_of
 from mrmission.model import FloatArray, IntArray
 from tests.best_tours import best_makespan
 
@@ -74,6 +74,31 @@ def _crossed(above: IntArray, node: IntArray) -> IntArray:
     ]
     count[0] = 0
     return np.array([c + c % 2 for c in count], dtype=np.int64)
+
+
+def test_a_toll_counts_where_all_ends_of_its_set_are_beyond() -> None:
+    rng = np.random.default_rng(3)
+    apart = 0
+    for _ in range(100):
+        above, node = _any_tree(rng, 12)
+        meet = _meet(above)
+        arms = Arms(
+            above=above, length=np.ones(len(above)), node=node, meet=meet,
+            crossed=_crossed(above, node),
+        )  # fmt: skip
+        sets = [np.sort(rng.permutation(12)[:size]) for size in (1, 3, 5, 3)]
+        covers = Covers(
+            np.cumsum([0, *map(len, sets)]).astype(np.int64),
+            np.concatenate(sets),
+            np.ones(len(sets)),
+        )
+        for mine, found in zip(sets, _inside(covers, arms).tolist(), strict=True):
+            with_all = [
+                v for v in range(len(above)) if all(_beyond(above, int(node[a]), v) for a in mine)
+            ]
+            assert found == max(with_all, default=0)
+            apart += found not in node[mine]
+    assert apart > 20
 
 
 def test_true_for_any_tree_charges_and_tolls() -> None:
