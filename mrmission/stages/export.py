@@ -64,7 +64,7 @@ def export_part(
         turned = turns.for_export(paths)
         routes = [export_route(number_lanes(p), frame, tolerance) for p in turned]
         legs = fleet_legs([r.path for r in routes], turn, lanes_alone=alone)
-        pieces = work.uncovered.remainder(legs)
+        pieces = work.uncovered.remainder(legs, rounded=True)
         if not pieces_to_repair(pieces, options.swath_m, work.region_m.area, final=True):
             break
     else:

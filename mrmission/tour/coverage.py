@@ -12,6 +12,9 @@ from mrmission.model import BoolArray, FloatArray, IntArray
 
 QUAD_SEGS = 16
 """Segments per quarter circle of a leg's round ends: inscribed, so never too generous."""
+ROUNDED_HAIR_M = 0.016
+"""Coordinates of a mission are whole 1e-7 degrees, 11.1 mm of latitude and no more of longitude, so
+each of two lanes that touch is off by up to half of that in both: 11.1 mm times the root of 2."""
 BESIDE_M = 0.25
 """A leg that stays this near to a line that is not counted is a leg of that line: rounding and
 merging of waypoints move legs by less."""
@@ -160,7 +163,12 @@ class Uncovered:
         return shapely.union_all(shapely.intersection(strips, geometry))
 
     def remainder(
-        self, legs_m: FloatArray, floor_m2: float = 0.0, *, exact: bool = False
+        self,
+        legs_m: FloatArray,
+        floor_m2: float = 0.0,
+        *,
+        exact: bool = False,
+        rounded: bool = False,
     ) -> list[shapely.Polygon]:
         """Return the polygons (sweep frame) of the region beyond `radius_m` of every leg.
 
@@ -173,9 +181,13 @@ class Uncovered:
             by it); 0 finds everything.
         exact
             Whether hair's breadths between lanes are found too.
+        rounded
+            Whether the legs are those of rounded coordinates, between which gaps are wider.
         """
         legs_m = legs_m[self.counts(legs_m)]
         reach_m = self.radius_m if exact else self.reach_m
+        if rounded and self.hair_m > 0:
+            reach_m = self.radius_m + 0.5 * max(self.hair_m, ROUNDED_HAIR_M)
         pieces = self._after_quads(legs_m, reach_m)
         pieces = pieces[shapely.area(pieces) > floor_m2]
         left = subtract_legs(pieces, legs_m, reach_m)

@@ -23,7 +23,7 @@ TOUCHING_M = 8.0
 that rounding leaves between two lanes are below 0.05 %."""
 HAIR_M = 0.012
 """A coordinate of a mission is rounded to 1e-7 degrees, so two lanes that touch may end up so far
-from each other."""
+from each other, on slanting courses a little farther: see ``coverage.ROUNDED_HAIR_M``."""
 SAME_SHARE = 5e-5
 """Columns may be wider than asked for by this share, rather than one more."""
 

@@ -180,3 +180,17 @@ def test_a_hair_between_lanes_is_found_only_where_asked_for() -> None:
     assert exact == pytest.approx(sum(p.area for p in careful.remainder(legs)))
     wider = legs + np.array([[[0.0, 0.0]], [[0.01, 0.0]]])
     assert easy.remainder(wider) != []
+
+
+def test_rounding_may_leave_wider_hairs_than_lanes_that_touch() -> None:
+    # 700 m long and 15 mm wide: large enough to be swept again, were it not for rounding alone
+    region = shapely.box(0, 0, 20, 700)
+    easy = Uncovered(region, 10.0, 5.0, hair_m=0.012)
+    careful = Uncovered(region, 10.0, 5.0)
+    legs = np.array([[[4.9925, 0], [4.9925, 700]], [[15.0075, 0], [15.0075, 700]]])
+    assert sum(p.area for p in easy.remainder(legs)) > 1.0
+    assert easy.remainder(legs, rounded=True) == []
+    assert sum(p.area for p in easy.remainder(legs, exact=True)) == pytest.approx(10.5)
+    assert sum(p.area for p in careful.remainder(legs, rounded=True)) == pytest.approx(10.5)
+    wider = legs + np.array([[[-0.0015, 0.0]], [[0.0015, 0.0]]])
+    assert sum(p.area for p in easy.remainder(wider, rounded=True)) > 1.0
