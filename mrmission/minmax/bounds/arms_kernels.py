@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from mrmission.minmax.bounds.prices_kernels import _pop, _push, _take_tolls
+from mrmission.minmax.bounds.prices_kernels import pop, push, take_tolls, toll_slope, with_tolls
 
 ROUNDED = 1e-9
 """Part of a tour by which a number of tours may be off from rounding."""
@@ -131,10 +131,10 @@ def _tree(legs, rest, rest_home, value, via, via_home):  # type: ignore[no-untyp
     line = np.empty(len(other) + n, np.int32)
     size = 0
     for i in range(n):
-        size = _push(key, line, size, value[i], i)
+        size = push(key, line, size, value[i], i)
     while size > 0:
         at = line[0]
-        size = _pop(key, line, size)
+        size = pop(key, line, size)
         if done[at]:
             continue
         done[at] = True
@@ -144,7 +144,7 @@ def _tree(legs, rest, rest_home, value, via, via_home):  # type: ignore[no-untyp
                 if not done[i] and rest[q] < value[i]:
                     value[i] = rest[q]
                     via[i] = q
-                    size = _push(key, line, size, rest[q], i)
+                    size = push(key, line, size, rest[q], i)
 
 
 @njit(cache=True)
@@ -183,8 +183,6 @@ def climb(  # type: ignore[no-untyped-def]
     rounds, step_s, last, follow, ahead = pace
     start, other, owner = legs
     above, node, meet, _ = arms
-    cross_start, cross = crossings
-    cover_start, cover_end = covers
     mean, mean_home = means
     n, m, nodes = len(line_s), len(home_s), len(above)
     value = np.zeros(n)
@@ -202,7 +200,7 @@ def climb(  # type: ignore[no-untyped-def]
     mean_home[:] = 0.0
     trees = 0.0
     for turn in range(rounds):
-        _take_tolls(length_s, home_s, crossings, covers, toll, left, left_home)
+        take_tolls(length_s, home_s, crossings, covers, toll, left, left_home)
         height = heights(above, length)
         _settle(left_home, charge, node, height)
         owed[:] = 0.0
@@ -270,11 +268,7 @@ def climb(  # type: ignore[no-untyped-def]
             d_charge[a] = 0.7 * d_charge[a] + 0.3 * g_charge[a]
             charge[a] += step * d_charge[a]
         for s in range(len(toll)):
-            slope = 1.0
-            for c in range(cross_start[s], cross_start[s + 1]):
-                slope -= used[cross[c]]
-            for c in range(cover_start[s], cover_start[s + 1]):
-                slope -= used_home[cover_end[c]]
+            slope = toll_slope(s, 1.0, crossings, covers, used, used_home)
             d_toll[s] = 0.7 * d_toll[s] + 0.3 * slope
             toll[s] = max(0.0, toll[s] + step * d_toll[s])
         for v in range(1, nodes):
@@ -299,17 +293,8 @@ def proven(  # type: ignore[no-untyped-def]
     for each end the one that may pay most; -1 where there is none.
     """
     above, node, meet, _ = arms
-    cover_start, cover_end = covers
     n, nodes = len(line_s), len(above)
-    take = np.zeros(2 * n)
-    ways = end_s
-    if len(toll) > 0:
-        ways = end_s.copy()
-    for s in range(len(toll)):
-        for c in range(cover_start[s], cover_start[s + 1]):
-            take[cover_end[c]] += toll[s]
-            for d in range(cover_start[s], cover_start[s + 1]):
-                ways[cover_end[c], cover_end[d]] += 2.0 * toll[s]
+    ways, take = with_tolls(end_s, 2 * n, covers, toll)
     height = heights(above, length)
     _settle(home_s - take, charge, node, height)
     work = _works(line_s, charge, arms, height)

@@ -29,7 +29,7 @@ def _leg_value(rest, price_a, price_b):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _push(key, line, size, new_key, new_line):  # type: ignore[no-untyped-def]
+def push(key, line, size, new_key, new_line):  # type: ignore[no-untyped-def]
     """Add to a heap, smallest first; return its size."""
     at = size
     while at > 0:
@@ -45,7 +45,7 @@ def _push(key, line, size, new_key, new_line):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _pop(key, line, size):  # type: ignore[no-untyped-def]
+def pop(key, line, size):  # type: ignore[no-untyped-def]
     """Drop the first of a heap; return its size."""
     size -= 1
     last_key, last_line = key[size], line[size]
@@ -89,10 +89,10 @@ def _tree(  # type: ignore[no-untyped-def]
     heap_line = np.empty(len(other) + n, np.int32)
     size = 0
     for i in range(n):
-        size = _push(heap_key, heap_line, size, value[i], i)
+        size = push(heap_key, heap_line, size, value[i], i)
     while size > 0:
         at = heap_line[0]
-        size = _pop(heap_key, heap_line, size)
+        size = pop(heap_key, heap_line, size)
         if done[at]:
             continue
         done[at] = True
@@ -107,7 +107,7 @@ def _tree(  # type: ignore[no-untyped-def]
                 if worth < value[i]:
                     value[i] = worth
                     via[i] = q
-                    size = _push(heap_key, heap_line, size, worth, i)
+                    size = push(heap_key, heap_line, size, worth, i)
 
 
 @njit(cache=True)
@@ -144,7 +144,7 @@ def _settle(home_s, charge, depth):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _take_tolls(  # type: ignore[no-untyped-def]
+def take_tolls(  # type: ignore[no-untyped-def]
     length, home_s, crossed, covers, toll, left, left_home
 ):
     """Write what the tolls of the sets leave of the legs, sparse ones and those to home."""
@@ -159,6 +159,38 @@ def _take_tolls(  # type: ignore[no-untyped-def]
             left[cross[c]] -= toll[s]
         for c in range(cover_start[s], cover_start[s + 1]):
             left_home[cover_end[c]] -= toll[s]
+
+
+@njit(cache=True)
+def toll_slope(s, worth, crossed, covers, used, used_home):  # type: ignore[no-untyped-def]
+    """Return by how much more toll of set s helps: what it is worth, less what crosses pays."""
+    cross_start, cross = crossed
+    cover_start, cover_end = covers
+    slope = worth
+    for c in range(cross_start[s], cross_start[s + 1]):
+        slope -= used[cross[c]]
+    for c in range(cover_start[s], cover_start[s + 1]):
+        slope -= used_home[cover_end[c]]
+    return slope
+
+
+@njit(cache=True)
+def with_tolls(end_s, ends, covers, toll):  # type: ignore[no-untyped-def]
+    """Return the matrix with twice the toll added between ends of a set, and what each end pays.
+
+    Less what both of its ends pay, a leg has lost the tolls of the sets whose borders it crosses.
+    """
+    cover_start, cover_end = covers
+    extra = np.zeros(ends)
+    widened = end_s
+    if len(toll) > 0:
+        widened = end_s.copy()
+    for s in range(len(toll)):
+        for c in range(cover_start[s], cover_start[s + 1]):
+            extra[cover_end[c]] += toll[s]
+            for d in range(cover_start[s], cover_start[s + 1]):
+                widened[cover_end[c], cover_end[d]] += 2.0 * toll[s]
+    return widened, extra
 
 
 @njit(cache=True)
@@ -249,8 +281,6 @@ def ascend(  # type: ignore[no-untyped-def]
     """
     rounds, step_s, last, follow = pace
     mean, mean_home = means
-    cross_start, cross = crossed
-    cover_start, cover_end = covers
     n = len(line_s)
     m = 2 * n
     price = np.zeros(n)
@@ -268,7 +298,7 @@ def ascend(  # type: ignore[no-untyped-def]
     used_home = np.zeros(m)
     mean[:] = 0.0
     mean_home[:] = 0.0
-    _take_tolls(length, home_s, crossed, covers, toll, left, left_home)
+    take_tolls(length, home_s, crossed, covers, toll, left, left_home)
     _settle(left_home, charge, depth)
     best = _sparse_makespan(robots, line_s, legs, left, left_home, charge, depth, covers, toll)
     best_charge = charge.copy()
@@ -277,7 +307,7 @@ def ascend(  # type: ignore[no-untyped-def]
     makespan = best
     trees = 0
     for turn in range(rounds):
-        _take_tolls(length, home_s, crossed, covers, toll, left, left_home)
+        take_tolls(length, home_s, crossed, covers, toll, left, left_home)
         _settle(left_home, charge, depth)
         if not line_prices(makespan, depth, price):
             charge[:] = best_charge
@@ -314,11 +344,8 @@ def ascend(  # type: ignore[no-untyped-def]
             d_depth[a] = 0.7 * d_depth[a] + 0.3 * g_depth[a]
             depth[a] += follow * step * d_depth[a]
         for s in range(len(toll)):
-            slope = _lowest_price(s, covers, price)
-            for c in range(cross_start[s], cross_start[s + 1]):
-                slope -= used[cross[c]]
-            for c in range(cover_start[s], cover_start[s + 1]):
-                slope -= used_home[cover_end[c]]
+            worth = _lowest_price(s, covers, price)
+            slope = toll_slope(s, worth, crossed, covers, used, used_home)
             d_toll[s] = 0.7 * d_toll[s] + 0.3 * slope
             toll[s] = max(0.0, toll[s] + step * d_toll[s])
     charge[:] = best_charge
@@ -411,16 +438,7 @@ def dense_makespan(  # type: ignore[no-untyped-def]
 
     The legs that matter at the hoped one are written to ``via``.
     """
-    cover_start, cover_end = covers
-    extra = np.zeros(len(charge))
-    widened = ways[0]
-    if len(toll) > 0:
-        widened = widened.copy()
-    for s in range(len(toll)):
-        for c in range(cover_start[s], cover_start[s + 1]):
-            extra[cover_end[c]] += toll[s]
-            for d in range(cover_start[s], cover_start[s + 1]):
-                widened[cover_end[c], cover_end[d]] += 2.0 * toll[s]
+    widened, extra = with_tolls(ways[0], len(charge), covers, toll)
     _settle(home_s - extra, charge, depth)
     wide = (widened, ways[1], ways[2])
     value = _dense_value(hoped, line_s, wide, home_s, charge, extra, depth, covers, toll, via)
