@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -82,29 +83,20 @@ def lane_tours(work: PartWork, prepared: Prepared | None = None) -> PartTours:
     from mrmission.minmax.search import minmax
 
     ready = prepared or prepare(work)
-    lines, line_of, hooks = ready.lines, ready.line_of, ready.hooks
-    problem, least, beyond = ready.problem, ready.least, ready.beyond
-    problem = weighted(problem, work.weights)
+    lines, hooks = ready.lines, ready.hooks
+    problem = weighted(ready.problem, work.weights)
     if work.line_toll_s > 0:
         problem = replace(problem, lane_cost=problem.lane_cost + work.line_toll_s)
     budget_s = min(work.options.time_budget_s, BUDGET_PER_LINE_S * len(lines))
     # thousands of lanes are even already, and to lay them all is dear
     for_trips = work.weights is not None or work.line_toll_s > 0
-    rounds = 0 if beyond is not None or for_trips else ROUNDS
+    rounds = 0 if ready.beyond is not None or for_trips else ROUNDS
     searched_s = (1.0 - rounds * ROUND_SHARE) * budget_s
     tours = minmax(problem, searched_s, work.options.seed)
     if ready.begun is not None and ready.begun.cost.max() < tours.cost.max():
         tours = ready.begun  # a long search is better as a rule, not always
     tours, paths = _evened_out(problem, tours, lines, hooks, work, rounds, ROUND_SHARE * budget_s)
-    if least is not None and least.end_cost is not None:
-        least = swept_in_one_go(least, tours, line_of)
-    bound = _bound(least, beyond, work)
-    return PartTours(
-        method="minmax",
-        paths=paths,
-        lanes_bound_s=bound.makespan_s if bound else None,
-        lanes_bound_name=bound.term if bound else "",
-    )
+    return PartTours(method="minmax", paths=paths, lanes_bound=partial(_bound, ready, tours))
 
 
 def lines_and_hooks(work: PartWork) -> tuple[tuple[SurveyLine, ...], IntArray, Hooks]:
@@ -191,10 +183,9 @@ def _problems(
     return problem, None, sparse
 
 
-def _bound(
-    least: LaneProblem | None, beyond: SparseCosts | None, work: PartWork
-) -> LanesBound | None:
-    """Return what no plan of the same lines can beat; None where it is not known."""
+def _bound(ready: Prepared, tours: LaneTours) -> LanesBound | None:
+    """Return what no plan of the lines of tours can beat; None where it is not known."""
+    work, beyond, least = ready.work, ready.beyond, ready.least
     if len(set(work.robots)) < len(work.robots):  # trips, planned as robots of their own
         return None
     if beyond is not None:
@@ -211,6 +202,8 @@ def _bound(
         )
     if least is None or least.end_cost is None:
         return None
+    least = swept_in_one_go(least, tours, ready.line_of)
+    assert least.end_cost is not None  # its ways are taken from the matrix
     return lanes_bound(
         line_s=least.lane_cost,
         end_s=least.end_cost,

@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
+from numba import njit
 
 from mrmission.minmax.problem import LaneProblem
 from mrmission.model import FloatArray, IntArray
@@ -73,31 +74,47 @@ def split_tour(
     swept = np.append(0.0, np.cumsum(problem.lane_cost[order >> 1]))
     gone = np.append(0.0, np.cumsum(problem.ways(exits[:-1], order[1:])))
     out_s, back_s = problem.home_cost[:, order], problem.home_cost[:, exits]
-
-    def pieces(limit: float) -> list[int] | None:
-        borders = [0]
-        while borders[-1] < lines:
-            r, a = len(borders) - 1, borders[-1]
-            if r >= robots:
-                return None
-            cost = sweep[r] * (swept[a + 1 :] - swept[a]) + travel[r] * (gone[a:] - gone[a])
-            fits = cost + out_s[r, a] + back_s[r, a:] <= limit
-            borders.append(a + (len(fits) if fits.all() else int(np.argmin(fits))))
-        return borders
-
     most = sweep.max() * swept[-1] + travel.max() * gone[-1] + 2 * problem.home_cost.max()
-    low, high = 0.0, float(most)
-    for _ in range(BISECTIONS):
-        middle = (low + high) / 2
-        low, high = (low, middle) if pieces(middle) else (middle, high)
-    borders = pieces(high) or [0, lines]
+    borders = _even_borders(swept, gone, out_s, back_s, sweep, travel, float(most))
     routes = np.zeros((robots, lines), dtype=np.int32)
     sizes = np.zeros(robots, dtype=np.int32)
-    for r, (a, b) in enumerate(pairwise(borders)):
+    for r, (a, b) in enumerate(pairwise(borders.tolist())):
         routes[r, : b - a] = order[a:b]
         sizes[r] = b - a
     _put_idle_to_work(routes, sizes)
     return routes, sizes
+
+
+@njit(cache=True, error_model="numpy")
+def _even_borders(  # type: ignore[no-untyped-def]
+    swept, gone, out_s, back_s, sweep, travel, most
+):
+    """Return where pieces begin and the last one ends; the costliest costs little above the least.
+
+    ``swept`` and ``gone`` are the costs of the lines before each line, and of the ways before it,
+    unscaled.
+    """
+    robots, lines = out_s.shape
+    borders, tried = np.array([0, lines]), np.zeros(robots + 1, np.int64)
+    low, high = 0.0, most
+    for turn in range(BISECTIONS + 1):
+        limit = (low + high) / 2 if turn < BISECTIONS else high
+        count, a = 0, 0
+        while a < lines and count < robots:
+            r, first = count, a
+            while a < lines and (
+                sweep[r] * (swept[a + 1] - swept[first]) + travel[r] * (gone[a] - gone[first])
+                + out_s[r, first] + back_s[r, a] <= limit
+            ):  # fmt: skip
+                a += 1
+            count += 1
+            tried[count] = a
+        if a < lines:
+            low = limit
+        else:
+            high = limit
+            borders = tried[: count + 1].copy()
+    return borders
 
 
 def _put_idle_to_work(routes: npt.NDArray[np.int32], sizes: npt.NDArray[np.int32]) -> None:

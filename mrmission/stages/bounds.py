@@ -45,12 +45,9 @@ def any_plan_bound(parts: Sequence[PartPlan], coverage: Sequence[Coverage]) -> B
 
 def chosen_lanes_bound(parts: Sequence[PartPlan]) -> Bound | None:
     """Return the bound that holds for any plan of the chosen lines; None where none is known."""
-    found = [
-        Bound(seconds=p.tours.lanes_bound_s, name=p.tours.lanes_bound_name)
-        for p in parts
-        if p.tours.lanes_bound_s is not None
-    ]
-    return max(found, key=lambda b: b.seconds, default=None)
+    found = [part.tours.lanes_bound() for part in parts if part.tours.lanes_bound]
+    known = [Bound(seconds=bound.makespan_s, name=bound.term) for bound in found if bound]
+    return max(known, key=lambda b: b.seconds, default=None)
 
 
 def _area_s(part: PartPlan, covered: Coverage) -> float:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import shapely
 
+from mrmission.minmax.bounds.lanes import LanesBound
 from mrmission.model import CoveragePath, FloatArray
 from mrmission.options import PlanOptions
 from mrmission.routing.harbour import Harbour
@@ -80,15 +82,14 @@ class PartTours:
         Name of the method that made it.
     paths
         Per robot its way from home to home; numbered from 1 within the part.
-    lanes_bound_s, lanes_bound_name
-        What no plan of the same lines can beat, and where it comes from; None and empty where the
-        planner knows of none.
+    lanes_bound
+        Finds what no plan of the same lines can beat; it may take seconds, so only the tours that
+        are chosen at last are asked. None where the planner knows of no bound.
     """
 
     method: str
     paths: tuple[CoveragePath, ...]
-    lanes_bound_s: float | None = None
-    lanes_bound_name: str = ""
+    lanes_bound: Callable[[], LanesBound | None] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

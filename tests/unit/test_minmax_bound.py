@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import shapely
 
+from mrmission.minmax.bounds import lanes as bounds
 from mrmission.minmax.bounds.lanes import divisible_bound, lanes_bound, many_lanes_bound
 from mrmission.minmax.search import LaneProblem, minmax
 from mrmission.model import FloatArray
@@ -56,6 +57,13 @@ def _with_walls(rng: np.random.Generator, lines: int, robots: int) -> tuple[Floa
     )
 
 
+@pytest.fixture
+def _with_prices(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let few tours be bounded by prices as well: what is brute-forced has few."""
+    monkeypatch.setattr(bounds, "FEW_TOURS", 0)
+
+
+@pytest.mark.usefixtures("_with_prices")
 def test_never_above_the_optimum() -> None:
     rng = np.random.default_rng(4)
     terms: dict[str, int] = {}
@@ -73,6 +81,17 @@ def test_never_above_the_optimum() -> None:
     assert np.mean(tight) > 0.9
 
 
+def test_few_tours_are_bounded_by_arms_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(6)
+    line, end, home = _open_water(rng, 9, 5)
+    asked = []
+    monkeypatch.setattr(bounds, "prices_makespan", lambda *args: asked.append(args) or (0.0, True))
+    for robots in (2, bounds.FEW_TOURS, bounds.FEW_TOURS + 1):
+        lanes_bound(line_s=line, end_s=end, home_s=home[:robots])
+    assert len(asked) == 1
+
+
+@pytest.mark.usefixtures("_with_prices")
 def test_never_above_the_optimum_of_unlike_robots_and_any_numbers() -> None:
     rng = np.random.default_rng(8)
     for case in range(40):
@@ -91,6 +110,7 @@ def test_never_above_the_optimum_of_unlike_robots_and_any_numbers() -> None:
         assert bound.makespan_s - 7.0 <= best * (1 + 1e-9), f"case {case}"
 
 
+@pytest.mark.usefixtures("_with_prices")
 @pytest.mark.parametrize("seed", range(3))
 def test_below_what_the_search_finds(seed: int) -> None:
     rng = np.random.default_rng(50 + seed)

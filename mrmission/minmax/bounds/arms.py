@@ -28,9 +28,9 @@ from mrmission.model import FloatArray, IntArray
 TREES = ((0.0, 0.5), (0.0, 1.0), (0.25, 1.0), (0.5, 0.7), (0.5, 1.0), (1.0, 0.7), (1.0, 1.0))
 """Trees to begin with: which share of a line's seconds it goes deeper by, a factor on lengths."""
 TRIAL = ((60, 0.2),)
-POLISH = tuple((400, 0.05 * 0.65**turn) for turn in range(6))
+POLISH = tuple((800, 0.05 * 0.65**turn) for turn in range(6))
 """Rounds of steps: how many, and the first in parts of a usual leg."""
-MOST_STEPS = 300_000
+MOST_STEPS = 200_000
 """Rounds of more lines have fewer steps: so many lines times steps."""
 LAST = 0.3
 """The last step of a round, in parts of the first."""

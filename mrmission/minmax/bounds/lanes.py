@@ -19,6 +19,9 @@ from mrmission.model import FloatArray, IntArray
 MOST_LINES = 6000
 """More lines are bounded by the work and the farthest line alone: a proof over all pairs of their
 ends takes longer than the plan."""
+FEW_TOURS = 4
+"""So few tours are bounded by arms alone: prices were the better bound for 13 of 286 plans of
+random maps, by less than 0.7 %, and for none of 30 of lakes."""
 MARGIN = 1e-9
 """Part by which a bound is lowered for the rounding of sums."""
 
@@ -147,10 +150,11 @@ def _bound(
     if near is not None and len(line) > MOST_LINES:
         return LanesBound(makespan_s=fixed_s + fastest * best * (1.0 - MARGIN), term=term)
     legs = near_legs(near_ends(end_s) if near is None else near, task)
-    priced_s, deep = prices_makespan(task, legs, SHARES if near is None else MANY)
-    if priced_s > best:
-        best, term = priced_s, "reach and connection" if deep else "connection"
-        term += "" if near is None else ", as the crow flies"
+    if near is not None or task.tours > FEW_TOURS:
+        priced_s, deep = prices_makespan(task, legs, SHARES if near is None else MANY)
+        if priced_s > best:
+            best, term = priced_s, "reach and connection" if deep else "connection"
+            term += "" if near is None else ", as the crow flies"
     if near is None:
         in_arms_s = arms_makespan(task, legs)
         if in_arms_s > best:
