@@ -11,6 +11,9 @@ about the place where it touches what must stay inside (the least circumscribed 
 the middles of its edges); a vertex is taken out where that costs least and put in where it gains
 most.
 
+numba's cache of a kernel looks only at the kernel's own file: after a change of what an edge is
+worth (:mod:`.ring_prices`) or may not pass (:mod:`.ring_walls`), touch this file as well.
+
 References
 ----------
 N. A. A. DePano, "Polygon approximation with optimized polygonal enclosures", 1987 (edges of a
@@ -24,217 +27,13 @@ import math
 import numpy as np
 from numba import njit
 
+from mrmission.mission.ring_prices import price_of, strips
+from mrmission.mission.ring_walls import APART_M, cells_of, free, near
 from mrmission.model import BoolArray, FloatArray, IntArray
 
-APART_M = 0.05
-"""Fence edges that share no vertex keep this distance, so that rounding never makes them meet."""
 LEAST_STEP_M = 0.02
 ROUNDS = 60
 SWAPS_PER_ROUND = 12
-
-
-@njit(cache=True, error_model="numpy", no_cpython_wrapper=True)
-def _cross(ax: float, ay: float, bx: float, by: float, cx: float, cy: float) -> float:
-    return (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
-
-
-@njit(cache=True, error_model="numpy", no_cpython_wrapper=True)
-def _meet(
-    ax: float, ay: float, bx: float, by: float, cx: float, cy: float, dx: float, dy: float
-) -> bool:
-    """Whether the closed segments ab and cd have a point in common."""
-    if max(ax, bx) < min(cx, dx) or max(cx, dx) < min(ax, bx):
-        return False
-    if max(ay, by) < min(cy, dy) or max(cy, dy) < min(ay, by):
-        return False
-    s, t = _cross(ax, ay, bx, by, cx, cy), _cross(ax, ay, bx, by, dx, dy)
-    if (s > 0 and t > 0) or (s < 0 and t < 0):
-        return False
-    u, v = _cross(cx, cy, dx, dy, ax, ay), _cross(cx, cy, dx, dy, bx, by)
-    return not ((u > 0 and v > 0) or (u < 0 and v < 0))
-
-
-@njit(cache=True, error_model="numpy", no_cpython_wrapper=True)
-def _point_segment2(px: float, py: float, ax: float, ay: float, bx: float, by: float) -> float:
-    dx, dy = bx - ax, by - ay
-    length2 = dx * dx + dy * dy
-    t = 0.0
-    if length2 > 0.0:
-        t = min(1.0, max(0.0, ((px - ax) * dx + (py - ay) * dy) / length2))
-    ex, ey = ax + t * dx - px, ay + t * dy - py
-    return ex * ex + ey * ey
-
-
-@njit(cache=True, error_model="numpy", no_cpython_wrapper=True)
-def _near(
-    ax: float, ay: float, bx: float, by: float, cx: float, cy: float, dx: float, dy: float
-) -> bool:
-    """Whether the segments ab and cd come nearer than APART_M."""
-    r = APART_M
-    if max(ax, bx) + r < min(cx, dx) or max(cx, dx) + r < min(ax, bx):
-        return False
-    if max(ay, by) + r < min(cy, dy) or max(cy, dy) + r < min(ay, by):
-        return False
-    return (
-        _meet(ax, ay, bx, by, cx, cy, dx, dy)
-        or _point_segment2(ax, ay, cx, cy, dx, dy) < r * r
-        or _point_segment2(bx, by, cx, cy, dx, dy) < r * r
-        or _point_segment2(cx, cy, ax, ay, bx, by) < r * r
-        or _point_segment2(dx, dy, ax, ay, bx, by) < r * r
-    )
-
-
-# --- what must not be crossed: a grid over segments ----------------------------------------------
-
-
-@njit(cache=True, error_model="numpy", no_cpython_wrapper=True)
-def _columns(
-    ax: float, ay: float, bx: float, by: float, grid: FloatArray, row: int
-) -> tuple[int, int]:
-    """Return the first and last column that a segment passes in a row of the grid, a hair more."""
-    x0, y0, size, nx = grid[0], grid[1], grid[2], grid[3]
-    low, high = y0 + (row - 1e-6) * size, y0 + (row + 1 + 1e-6) * size
-    xa, xb = ax, bx
-    if ay != by:
-        t, u = (low - ay) / (by - ay), (high - ay) / (by - ay)
-        if t > u:
-            t, u = u, t
-        t, u = max(0.0, t), min(1.0, u)
-        xa, xb = ax + t * (bx - ax), ax + u * (bx - ax)
-    if xa > xb:
-        xa, xb = xb, xa
-    first = math.floor((xa - x0) / size - 1e-6)
-    last = math.floor((xb - x0) / size + 1e-6)
-    return int(max(0.0, first)), int(min(nx - 1.0, last))
-
-
-@njit(cache=True, error_model="numpy", no_cpython_wrapper=True)
-def _rows(ay: float, by: float, grid: FloatArray) -> tuple[int, int]:
-    y0, size, ny = grid[1], grid[2], grid[4]
-    first = math.floor((min(ay, by) - y0) / size - 1e-6)
-    last = math.floor((max(ay, by) - y0) / size + 1e-6)
-    return int(max(0.0, first)), int(min(ny - 1.0, last))
-
-
-@njit(cache=True, error_model="numpy", no_cpython_wrapper=True)
-def _index(walls: FloatArray, grid: FloatArray) -> tuple[IntArray, IntArray]:
-    """Return, cell by cell, which segments pass through it."""
-    columns = int(grid[3])
-    start = np.zeros(columns * int(grid[4]) + 1, np.int64)
-    item = np.zeros(0, np.int64)
-    for fill in range(2):
-        for i in range(len(walls)):
-            ax, ay, bx, by = walls[i, 0], walls[i, 1], walls[i, 2], walls[i, 3]
-            low, high = _rows(ay, by, grid)
-            for row in range(low, high + 1):
-                first, last = _columns(ax, ay, bx, by, grid, row)
-                for cell in range(row * columns + first, row * columns + last + 1):
-                    if fill == 0:
-                        start[cell] += 1
-                    else:
-                        # filled from the back: in the end start[cell] is the cell's first
-                        start[cell] -= 1
-                        item[start[cell]] = i
-        if fill == 0:
-            start = np.cumsum(start)
-            item = np.zeros(start[-1], np.int64)
-    return start, item
-
-
-@njit(cache=True, error_model="numpy", no_cpython_wrapper=True)
-def _free(
-    ax: float, ay: float, bx: float, by: float,
-    walls: FloatArray, start: IntArray, item: IntArray, grid: FloatArray,
-) -> bool:  # fmt: skip
-    """Whether the segment ab meets none of the walls."""
-    columns = int(grid[3])
-    low, high = _rows(ay, by, grid)
-    for row in range(low, high + 1):
-        first, last = _columns(ax, ay, bx, by, grid, row)
-        for cell in range(row * columns + first, row * columns + last + 1):
-            for k in range(start[cell], start[cell + 1]):
-                i = item[k]
-                if _meet(ax, ay, bx, by, walls[i, 0], walls[i, 1], walls[i, 2], walls[i, 3]):
-                    return False
-    return True
-
-
-# --- the price of an edge ------------------------------------------------------------------------
-
-
-@njit(cache=True, error_model="numpy", no_cpython_wrapper=True)
-def _strips(shore: FloatArray, count: int) -> tuple[FloatArray, IntArray, FloatArray]:
-    """Cut the shore's edges into `count` upright strips of equal width.
-
-    Returns the pieces (x0, x1, y at x0, slope, +1 below water or -1 above it) strip by strip, where
-    each strip starts, and [x of the first strip, width].
-    """
-    low, high = np.inf, -np.inf
-    for i in range(len(shore)):
-        low, high = min(low, shore[i, 0]), max(high, shore[i, 0])
-    width = max((high - low) / count, 1e-9)
-    start = np.zeros(count + 2, np.int64)
-    piece = np.zeros((0, 5))
-    for fill in range(2):
-        for i in range(len(shore)):
-            ax, ay, bx, by = shore[i, 0], shore[i, 1], shore[i, 2], shore[i, 3]
-            if ax == bx:
-                continue
-            slope = (by - ay) / (bx - ax)
-            x0, x1 = min(ax, bx), max(ax, bx)
-            first = min(count - 1, max(0, int((x0 - low) / width)))
-            last = min(count - 1, max(0, int((x1 - low) / width)))
-            for s in range(first, last + 1):
-                if fill == 0:
-                    start[s + 2] += 1
-                    continue
-                k = start[s + 1]
-                start[s + 1] += 1
-                a = x0 if s == first else low + s * width
-                b = x1 if s == last else low + (s + 1) * width
-                piece[k, 0], piece[k, 1] = a, b
-                piece[k, 2], piece[k, 3] = ay + slope * (a - ax), slope
-                piece[k, 4] = 1.0 if bx > ax else -1.0
-        if fill == 0:
-            start = np.cumsum(start)
-            piece = np.zeros((start[-1], 5))
-    return piece, start, np.array([low, width])
-
-
-@njit(cache=True, error_model="numpy", no_cpython_wrapper=True)
-def _price(
-    ax: float, ay: float, bx: float, by: float,
-    piece: FloatArray, start: IntArray, strip: FloatArray, water_weight: float,
-) -> float:  # fmt: skip
-    """Return an edge's share of the land on the left of its ring, less a trifle for the water."""
-    area = 0.5 * (ax * by - bx * ay)
-    if ax == bx:
-        return area
-    x0, x1 = min(ax, bx), max(ax, bx)
-    slope = (by - ay) / (bx - ax)
-    count = len(start) - 2
-    first = min(count - 1.0, max(0.0, (x0 - strip[0]) / strip[1]))
-    last = min(count - 1.0, max(0.0, (x1 - strip[0]) / strip[1]))
-    water = 0.0
-    for k in range(start[int(first)], start[int(last) + 1]):
-        a, b = max(x0, piece[k, 0]), min(x1, piece[k, 1])
-        if a >= b:
-            continue
-        d0 = ay + slope * (a - ax) - piece[k, 2] - piece[k, 3] * (a - piece[k, 0])
-        d1 = d0 + (slope - piece[k, 3]) * (b - a)
-        if d0 <= 0.0 and d1 <= 0.0:
-            continue
-        if d0 >= 0.0 and d1 >= 0.0:
-            part = 0.5 * (d0 + d1) * (b - a)
-        else:
-            top = max(d0, d1)
-            part = 0.5 * top * top / abs(d1 - d0) * (b - a)
-        water += piece[k, 4] * part
-    # the area under an edge to the axis: trapezoids and the shoelace differ by a closed sum
-    return area + (1.0 + water_weight) * (water if bx > ax else -water)
-
-
-# --- the search ----------------------------------------------------------------------------------
 
 
 @njit(cache=True, error_model="numpy", no_cpython_wrapper=True)
@@ -267,7 +66,7 @@ def _apart(
                 if turn * turn < APART_M * APART_M * longer:
                     return False
             continue
-        if _near(ux, uy, vx, vy, x[i], y[i], x[j], y[j]):
+        if near(ux, uy, vx, vy, x[i], y[i], x[j], y[j]):
             return False
     return True
 
@@ -289,7 +88,7 @@ def _gain(
     total = 0.0
     for k in range(count + 1):
         bx, by = (new[k, 0], new[k, 1]) if k < count else (x[last], y[last])
-        out[k] = _price(ax, ay, bx, by, cover[0], cover[1], cover[2], water_weight)
+        out[k] = price_of(ax, ay, bx, by, cover[0], cover[1], cover[2], water_weight)
         total += out[k]
         ax, ay = bx, by
     # only what takes a vertex out may be a loss
@@ -299,7 +98,7 @@ def _gain(
     ax, ay = x[first], y[first]
     for k in range(count + 1):
         bx, by = (new[k, 0], new[k, 1]) if k < count else (x[last], y[last])
-        if not _free(ax, ay, bx, by, wall[0], wall[1], wall[2], wall[3]):
+        if not free(ax, ay, bx, by, wall[0], wall[1], wall[2], wall[3]):
             return -np.inf
         if not _apart(
             ax, ay, bx, by, first if k == 0 else -1, last if k == count else -1,
@@ -310,7 +109,7 @@ def _gain(
     if (
         count == 2
         and first != last
-        and _near(x[first], y[first], new[0, 0], new[0, 1], new[1, 0], new[1, 1], x[last], y[last])
+        and near(x[first], y[first], new[0, 0], new[0, 1], new[1, 0], new[1, 1], x[last], y[last])
     ):
         return -np.inf
     # neither another ring nor the path may change sides without having been crossed
@@ -394,7 +193,7 @@ def _move(
                     t = 0.0 if turn == 0 else (high if turn == 1 else 0.5 * (low + high))
                     fx, fy = x[q] + t * (x[d] - x[q]), y[q] + t * (y[d] - y[q])
                     used += 1
-                    if _free(ex, ey, fx, fy, walls, start, item, grid):
+                    if free(ex, ey, fx, fy, walls, start, item, grid):
                         low = t
                         if turn == 1:
                             break
@@ -498,7 +297,7 @@ def _weigh(
                     ok = True
                     for k in range(2):
                         g = v if k == 0 else c
-                        ok = ok and _free(x[g], y[g], qx, qy, walls, start, item, grid)
+                        ok = ok and free(x[g], y[g], qx, qy, walls, start, item, grid)
                     if ok:
                         low = s
                     else:
@@ -606,7 +405,7 @@ def _swap(
                 j = after[i]
                 removal[i] = np.inf
                 insertion[i] = 0.0
-                price[i] = _price(
+                price[i] = price_of(
                     x[i], y[i], x[j], y[j], cover[0], cover[1], cover[2], water_weight
                 )
                 length = 0.2 * math.hypot(x[j] - x[i], y[j] - y[i])
@@ -673,13 +472,13 @@ def improve_rings(
             before[i + k] = i + (k - 1) % size[r]
             after[i + k] = i + (k + 1) % size[r]
         i += size[r]
-    start, item = _index(walls, grid)
+    start, item = cells_of(walls, grid)
     wall = (walls, start, item, grid)
-    cover = _strips(shore, min(512, max(16, len(shore) // 4)))
+    cover = strips(shore, min(512, max(16, len(shore) // 4)))
     price, step, swing = np.zeros(room), np.zeros(room), np.zeros((room, 2))
     for i in range(n):
         j = after[i]
-        price[i] = _price(x[i], y[i], x[j], y[j], cover[0], cover[1], cover[2], water_weight)
+        price[i] = price_of(x[i], y[i], x[j], y[j], cover[0], cover[1], cover[2], water_weight)
         step[i] = swing[i, 0] = swing[i, 1] = 0.3 * math.hypot(x[j] - x[i], y[j] - y[i])
     used = 0
     removal, insertion = np.zeros(room), np.zeros(room)
