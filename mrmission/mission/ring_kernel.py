@@ -5,6 +5,9 @@ shorter by one vertex: *remove* a vertex, and *collapse* an edge onto the point 
 neighbours, made longer, meet. Either adds or cuts a triangle. A triangle of water that is cut off
 must keep its distance from the path; a triangle of land that is taken in costs its area.
 
+numba's cache of a kernel looks only at the kernel's own file: after a change of what it calls in
+:mod:`.ring_walls`, touch this file as well.
+
 References
 ----------
 M. Visvalingam, J. D. Whyatt, "Line generalisation by repeated elimination of points",
@@ -18,6 +21,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from mrmission.mission.ring_walls import cross, distance2, meet
 from mrmission.model import FloatArray, IntArray
 
 REMOVE = 0
@@ -27,45 +31,14 @@ STRAIGHT_M = 0.01
 
 
 @njit(cache=True, error_model="numpy", no_cpython_wrapper=True)
-def _cross(ax: float, ay: float, bx: float, by: float, cx: float, cy: float) -> float:
-    return (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
-
-
-@njit(cache=True, error_model="numpy", no_cpython_wrapper=True)
-def _point_segment2(px: float, py: float, ax: float, ay: float, bx: float, by: float) -> float:
-    dx, dy = bx - ax, by - ay
-    length2 = dx * dx + dy * dy
-    t = 0.0
-    if length2 > 0.0:
-        t = ((px - ax) * dx + (py - ay) * dy) / length2
-        t = min(1.0, max(0.0, t))
-    ex, ey = ax + t * dx - px, ay + t * dy - py
-    return ex * ex + ey * ey
-
-
-@njit(cache=True, error_model="numpy", no_cpython_wrapper=True)
-def _meet(
-    ax: float, ay: float, bx: float, by: float, cx: float, cy: float, dx: float, dy: float
-) -> bool:
-    """Whether the closed segments ab and cd have a point in common."""
-    if max(ax, bx) < min(cx, dx) or max(cx, dx) < min(ax, bx):
-        return False
-    if max(ay, by) < min(cy, dy) or max(cy, dy) < min(ay, by):
-        return False
-    s, t = _cross(ax, ay, bx, by, cx, cy), _cross(ax, ay, bx, by, dx, dy)
-    u, v = _cross(cx, cy, dx, dy, ax, ay), _cross(cx, cy, dx, dy, bx, by)
-    return not ((s > 0 and t > 0) or (s < 0 and t < 0) or (u > 0 and v > 0) or (u < 0 and v < 0))
-
-
-@njit(cache=True, error_model="numpy", no_cpython_wrapper=True)
 def _segments2(
     ax: float, ay: float, bx: float, by: float, cx: float, cy: float, dx: float, dy: float
 ) -> float:
-    if _meet(ax, ay, bx, by, cx, cy, dx, dy):
+    if meet(ax, ay, bx, by, cx, cy, dx, dy):
         return 0.0
     return min(
-        min(_point_segment2(ax, ay, cx, cy, dx, dy), _point_segment2(bx, by, cx, cy, dx, dy)),
-        min(_point_segment2(cx, cy, ax, ay, bx, by), _point_segment2(dx, dy, ax, ay, bx, by)),
+        min(distance2(ax, ay, cx, cy, dx, dy), distance2(bx, by, cx, cy, dx, dy)),
+        min(distance2(cx, cy, ax, ay, bx, by), distance2(dx, dy, ax, ay, bx, by)),
     )
 
 
@@ -74,9 +47,9 @@ def _in_triangle(
     px: float, py: float, ax: float, ay: float, bx: float, by: float, cx: float, cy: float
 ) -> bool:
     """Whether p lies in the closed triangle abc, of either orientation."""
-    s = _cross(ax, ay, bx, by, px, py)
-    t = _cross(bx, by, cx, cy, px, py)
-    u = _cross(cx, cy, ax, ay, px, py)
+    s = cross(ax, ay, bx, by, px, py)
+    t = cross(bx, by, cx, cy, px, py)
+    u = cross(cx, cy, ax, ay, px, py)
     return (s >= 0 and t >= 0 and u >= 0) or (s <= 0 and t <= 0 and u <= 0)
 
 
@@ -154,7 +127,7 @@ def _price(
 ) -> bool:  # fmt: skip
     """Price one move: out = [cost, land taken in, x, y, 1 where water is cut]. False: no move."""
     a, c = before[v], after[v]
-    turn = _cross(x[a], y[a], x[v], y[v], x[c], y[c])
+    turn = cross(x[a], y[a], x[v], y[v], x[c], y[c])
     if kind == REMOVE:
         area = 0.5 * abs(turn)
         cuts = turn > 0
@@ -164,7 +137,7 @@ def _price(
         d = after[c]
         if d == a:
             return False
-        turn2 = _cross(x[v], y[v], x[c], y[c], x[d], y[d])
+        turn2 = cross(x[v], y[v], x[c], y[c], x[d], y[d])
         if not ((turn > 0 and turn2 > 0) or (turn < 0 and turn2 < 0)):
             return False
         ux, uy = x[v] - x[a], y[v] - y[a]
@@ -179,7 +152,7 @@ def _price(
         out[2], out[3] = x[v] + s * ux, y[v] + s * uy
         if abs(out[2] - x[v]) + abs(out[3] - y[v]) > 1e6:
             return False
-        area = 0.5 * abs(_cross(x[v], y[v], out[2], out[3], x[c], y[c]))
+        area = 0.5 * abs(cross(x[v], y[v], out[2], out[3], x[c], y[c]))
         cuts = turn < 0
     out[0] = water_weight * area if cuts else area
     out[1] = 0.0 if cuts else area
@@ -201,7 +174,7 @@ def _allowed(
         px, py, qx, qy, rx, ry = vx, vy, move[2], move[3], x[c], y[c]
     if move[4] > 0 and not clear_of_path(px, py, qx, qy, rx, ry, path, need):
         base = np.hypot(rx - px, ry - py)
-        if kind != REMOVE or abs(_cross(px, py, qx, qy, rx, ry)) > STRAIGHT_M * base:
+        if kind != REMOVE or abs(cross(px, py, qx, qy, rx, ry)) > STRAIGHT_M * base:
             return 1
         if not clear_of_path(px, py, px, py, rx, ry, path, reach):
             return 1
@@ -223,8 +196,8 @@ def _allowed(
             and not (y[i] < low_y and y[j] < low_y)
             and not (y[i] > high_y and y[j] > high_y)
             and (
-                _meet(x[i], y[i], x[j], y[j], px, py, qx, qy)
-                or _meet(x[i], y[i], x[j], y[j], qx, qy, rx, ry)
+                meet(x[i], y[i], x[j], y[j], px, py, qx, qy)
+                or meet(x[i], y[i], x[j], y[j], qx, qy, rx, ry)
             )
         ):
             return 2

@@ -19,7 +19,7 @@ APART_M = 0.05
 
 
 @njit(cache=True, error_model="numpy", no_cpython_wrapper=True)
-def _cross(ax: float, ay: float, bx: float, by: float, cx: float, cy: float) -> float:
+def cross(ax: float, ay: float, bx: float, by: float, cx: float, cy: float) -> float:
     """Return twice the area of the triangle abc, positive where it turns left."""
     return (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
 
@@ -33,10 +33,10 @@ def meet(
         return False
     if max(ay, by) < min(cy, dy) or max(cy, dy) < min(ay, by):
         return False
-    s, t = _cross(ax, ay, bx, by, cx, cy), _cross(ax, ay, bx, by, dx, dy)
+    s, t = cross(ax, ay, bx, by, cx, cy), cross(ax, ay, bx, by, dx, dy)
     if (s > 0 and t > 0) or (s < 0 and t < 0):
         return False
-    u, v = _cross(cx, cy, dx, dy, ax, ay), _cross(cx, cy, dx, dy, bx, by)
+    u, v = cross(cx, cy, dx, dy, ax, ay), cross(cx, cy, dx, dy, bx, by)
     return not ((u > 0 and v > 0) or (u < 0 and v < 0))
 
 
