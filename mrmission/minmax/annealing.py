@@ -330,8 +330,6 @@ def anneal(  # type: ignore[no-untyped-def]
                 continue
             count = last - first + 1
             head, tail = routes[a, first], routes[a, last] ^ 1  # the segment's outer ends
-            inner_swept = swept[a, last] - swept[a, first] + lane[head >> 1]
-            inner_gone = gone[a, last] - gone[a, first]
             # the segment goes after place p when f is p's exit, before it otherwise
             at = p + 1 if f_is_exit else p
             if a == b and (at == first or at == last + 1):
@@ -388,6 +386,8 @@ def anneal(  # type: ignore[no-untyped-def]
                 after_a = -1 if last == na - 1 else routes[a, last + 1]
                 before_b = -1 if first_b == 0 else routes[b, first_b - 1] ^ 1
                 after_b = -1 if last_b == nb - 1 else routes[b, last_b + 1]
+                inner_swept = swept[a, last] - swept[a, first] + lane[head >> 1]
+                inner_gone = gone[a, last] - gone[a, first]
                 # cost of a's and b's rests as they are, without what joins them
                 new_a = cost[a] - sweep[a] * inner_swept - travel[a] * inner_gone
                 if before_a < 0:
@@ -417,8 +417,6 @@ def anneal(  # type: ignore[no-untyped-def]
                         new_b -= home[b, before_b]
                     else:
                         new_b -= travel[b] * _way(ends, table, before_b, after_b)
-                    if before_a < 0 and after_a < 0:
-                        continue
                     if before_a < 0:
                         new_a += home[a, after_a]
                     elif after_a < 0:

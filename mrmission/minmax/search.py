@@ -83,7 +83,7 @@ def _search(
     """Improve the routes in place; return their costs."""
     if problem.end_cost is not None:
         ends, near = np.ascontiguousarray(problem.end_cost), _neighbours(problem.end_cost)
-        table = (_NO_ARRAYS, _NO_SECONDS, _NO_PRICE)
+        table = _NO_TABLE
     else:
         assert problem.sparse is not None  # one of both is given
         sparse = problem.sparse
@@ -98,22 +98,24 @@ def _search(
     return out
 
 
-_NO_ARRAYS = (
-    np.zeros((0, 4)),
-    np.zeros(0, np.int32),
-    np.zeros(1, np.int64),
-    np.zeros(0, np.int32),
+_NO_TABLE = (
+    (
+        np.zeros((0, 4)),
+        np.zeros(0, np.int32),
+        np.zeros(1, np.int64),
+        np.zeros(0, np.int32),
+        np.zeros(0, np.float32),
+        np.zeros((0, 5), np.float32),
+    ),
     np.zeros(0, np.float32),
-    np.zeros((0, 5), np.float32),
-)
-_NO_SECONDS = np.zeros(0, np.float32)
-_NO_PRICE = (
-    np.zeros((0, 2)),
-    np.zeros(0),
-    np.zeros(1),
-    np.zeros(3),
-    np.zeros(0, np.int64),
-    np.zeros(0),
+    (
+        np.zeros((0, 2)),
+        np.zeros(0),
+        np.zeros(1),
+        np.zeros(3),
+        np.zeros(0, np.int64),
+        np.zeros(0),
+    ),
 )
 
 
