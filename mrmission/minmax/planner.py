@@ -96,7 +96,11 @@ def lane_tours(work: PartWork, prepared: Prepared | None = None) -> PartTours:
     if ready.begun is not None and ready.begun.cost.max() < tours.cost.max():
         tours = ready.begun  # a long search is better as a rule, not always
     tours, paths = _evened_out(problem, tours, lines, hooks, work, rounds, ROUND_SHARE * budget_s)
-    return PartTours(method="minmax", paths=paths, lanes_bound=partial(_bound, ready, tours))
+    least = ready.least
+    if least is not None:
+        least = swept_in_one_go(least, tours, ready.line_of)
+    bound = partial(_bound, least, ready.beyond, work)
+    return PartTours(method="minmax", paths=paths, lanes_bound=bound)
 
 
 def lines_and_hooks(work: PartWork) -> tuple[tuple[SurveyLine, ...], IntArray, Hooks]:
@@ -183,9 +187,10 @@ def _problems(
     return problem, None, sparse
 
 
-def _bound(ready: Prepared, tours: LaneTours) -> LanesBound | None:
-    """Return what no plan of the lines of tours can beat; None where it is not known."""
-    work, beyond, least = ready.work, ready.beyond, ready.least
+def _bound(
+    least: LaneProblem | None, beyond: SparseCosts | None, work: PartWork
+) -> LanesBound | None:
+    """Return what no plan of the same lines can beat; None where it is not known."""
     if len(set(work.robots)) < len(work.robots):  # trips, planned as robots of their own
         return None
     if beyond is not None:
@@ -202,8 +207,6 @@ def _bound(ready: Prepared, tours: LaneTours) -> LanesBound | None:
         )
     if least is None or least.end_cost is None:
         return None
-    least = swept_in_one_go(least, tours, ready.line_of)
-    assert least.end_cost is not None  # its ways are taken from the matrix
     return lanes_bound(
         line_s=least.lane_cost,
         end_s=least.end_cost,

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import shapely
 
-from mrmission.minmax.bounds.lanes import LanesBound
 from mrmission.model import CoveragePath, FloatArray
 from mrmission.options import PlanOptions
 from mrmission.routing.harbour import Harbour
@@ -15,6 +15,9 @@ from mrmission.tour.coverage import Uncovered
 from mrmission.tour.lines import SurveyLine, ends_of
 from mrmission.tour.sweep import Sweep
 from mrmission.tour.timing import TimeModel
+
+if TYPE_CHECKING:
+    from mrmission.minmax.bounds.lanes import LanesBound
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
