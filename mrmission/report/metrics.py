@@ -138,7 +138,7 @@ def summary_lines(plan: FleetPlan) -> tuple[str, ...]:
     )
     if report.lanes_bound_s is not None and report.lanes_gap is not None:
         time += (
-            f"; none with these lanes than {human_duration(report.lanes_bound_s)} "
+            f"; none with these lanes and cuts than {human_duration(report.lanes_bound_s)} "
             f"({report.lanes_bound_name}), gap {human_gap(report.lanes_gap)}"
         )
     lines = [size, time, covered]

@@ -169,7 +169,7 @@ def test_the_bound_of_the_chosen_lanes_stands_beside_that_of_any_plan() -> None:
     assert names["Bound for these lanes (packing)"] == units.human_duration(1000.0)
     assert names["Gap to these lanes' bound"] == units.human_gap(0.0123)
     assert names["Gap to any plan's bound"] == units.human_gap(plan.report.gap)
-    assert "none with these lanes" in "\n".join(summary_lines(plan))
+    assert "none with these lanes and cuts" in "\n".join(summary_lines(plan))
     assert "these lanes" not in str(units.fleet_figures(make_plan().report))
 
 
