@@ -13,8 +13,13 @@ def best_makespan(
     home_s: FloatArray,
     sweep: FloatArray | None = None,
     travel: FloatArray | None = None,
+    trip: FloatArray | None = None,
+    swap: FloatArray | None = None,
 ) -> float:
-    """The optimum by looking at every set of lines for every robot."""
+    """The optimum by looking at every set of lines for every robot, and for each of its trips.
+
+    Infinite where no trips of at most `trip` seconds do; between two lie `swap` seconds.
+    """
     lines, robots = len(line_s), len(home_s)
     full = (1 << lines) - 1
     done = {0: 0.0}
@@ -39,6 +44,8 @@ def best_makespan(
                         new = here + end[x][e] + line[e >> 1]
                         grown = best[mask | 1 << (e >> 1)]
                         grown[e ^ 1] = min(grown[e ^ 1], new)
+        if trip is not None:
+            closed = _in_trips(closed, float(trip[r]), 0.0 if swap is None else float(swap[r]))
         reach: dict[int, float] = {}
         for swept, cost in done.items():
             mask = full & ~swept
@@ -50,3 +57,17 @@ def best_makespan(
                 mask = (mask - 1) & (full & ~swept)
         done = reach
     return done[full]
+
+
+def _in_trips(closed: list[float], trip: float, swap: float) -> list[float]:
+    """Least seconds over every set of lines in any number of trips, from those of one trip each."""
+    best = [np.inf] * len(closed)
+    best[0] = 0.0
+    for mask in range(1, len(closed)):
+        one = mask
+        while one:
+            if closed[one] <= trip:
+                rest = mask & ~one
+                best[mask] = min(best[mask], closed[one] + (best[rest] + swap if rest else 0.0))
+            one = (one - 1) & mask
+    return best

@@ -63,7 +63,7 @@ class Prepared:
 def prepare(work: PartWork) -> Prepared:
     """Return a part's work as the search sees it."""
     lines, line_of, hooks = lines_and_hooks(work)
-    problem, least, beyond = _problems(lines, hooks, work)
+    problem, least, beyond = problems_of(lines, hooks, work)
     return Prepared(
         work=work, lines=lines, line_of=line_of, hooks=hooks,
         problem=problem, least=least, beyond=beyond,
@@ -99,7 +99,7 @@ def lane_tours(work: PartWork, prepared: Prepared | None = None) -> PartTours:
     least = ready.least
     if least is not None:
         least = swept_in_one_go(least, tours, ready.line_of)
-    bound = partial(_bound, least, ready.beyond, work)
+    bound = partial(bound_of, least, ready.beyond, work)
     return PartTours(method="minmax", paths=paths, lanes_bound=bound)
 
 
@@ -164,10 +164,23 @@ def laid(
     return paths, np.array(seconds)
 
 
-def _problems(
+def problems_of(
     lines: tuple[SurveyLine, ...], hooks: Hooks, work: PartWork
 ) -> tuple[LaneProblem, LaneProblem | None, SparseCosts | None]:
-    """Return what the search is told and, for a bound, the least of it: either of two kinds."""
+    """Return what the search is told and, for a bound, the least of it: either of two kinds.
+
+    Parameters
+    ----------
+    lines, hooks, work
+        The work: lines of the part, cut or not, and their hooks.
+
+    Returns
+    -------
+    problem
+        In seconds.
+    least, beyond
+        With a matrix of all ways, or without one where it would be too large; None for the other.
+    """
     if 2 * len(lines) <= DENSE_ENDS:
         costs = part_costs(lines, hooks, work)
         return costs.problem, costs.least, None
@@ -187,11 +200,25 @@ def _problems(
     return problem, None, sparse
 
 
-def _bound(
-    least: LaneProblem | None, beyond: SparseCosts | None, work: PartWork
+def bound_of(
+    least: LaneProblem | None,
+    beyond: SparseCosts | None,
+    work: PartWork,
+    trips: tuple[FloatArray, FloatArray] | None = None,
 ) -> LanesBound | None:
-    """Return what no plan of the same lines can beat; None where it is not known."""
-    if len(set(work.robots)) < len(work.robots):  # trips, planned as robots of their own
+    """Return what no plan of the same lines can beat; None where it is not known.
+
+    Parameters
+    ----------
+    least, beyond
+        Of :func:`problems_of`.
+    work
+        With every robot once: trips that are planned as robots of their own have no bound.
+    trips
+        (robots,) how long a trip of each may last and what lies between two, s; None where all go
+        out once. It is not counted where there is no matrix of all ways.
+    """
+    if len(set(work.robots)) < len(work.robots):
         return None
     if beyond is not None:
         sweep, travel = speed_scales(work.times)
@@ -213,6 +240,8 @@ def _bound(
         home_s=least.home_cost,
         sweep_scale=least.sweep_scale,
         travel_scale=least.travel_scale,
+        trip_s=None if trips is None else trips[0],
+        swap_s=None if trips is None else trips[1],
     )
 
 

@@ -6,6 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from mrmission.minmax.bounds.lanes import LanesBound
+from mrmission.minmax.trip_bound import trips_bound
 from mrmission.minmax.trips import Allowance
 from mrmission.options import PlanOptions
 from mrmission.partition.bound import fleet_area_bound_s
@@ -45,9 +47,18 @@ def any_plan_bound(parts: Sequence[PartPlan], coverage: Sequence[Coverage]) -> B
 
 def chosen_lanes_bound(parts: Sequence[PartPlan]) -> Bound | None:
     """Return the bound that holds for any plan of the chosen lines; None where none is known."""
-    found = [part.tours.lanes_bound() for part in parts if part.tours.lanes_bound]
+    found = [_lanes_bound(part) for part in parts]
     known = [Bound(seconds=bound.makespan_s, name=bound.term) for bound in found if bound]
     return max(known, key=lambda b: b.seconds, default=None)
+
+
+def _lanes_bound(part: PartPlan) -> LanesBound | None:
+    """Return the bound for a part's lines; trips sweep others than the tours they were made of."""
+    if part.tours.lanes_bound is None:
+        return None
+    if len(set(part.work.robots)) < len(part.work.robots):
+        return trips_bound(part.work, part.tours.paths)
+    return part.tours.lanes_bound()
 
 
 def _area_s(part: PartPlan, covered: Coverage) -> float:

@@ -28,7 +28,7 @@ from mrmission.model import (
     SurveyArea,
 )
 from mrmission.options import PlanOptions
-from mrmission.stages.bounds import any_plan_bound, chosen_lanes_bound
+from mrmission.stages.bounds import Bound, any_plan_bound, chosen_lanes_bound
 from mrmission.stages.export import Coverage, covered_beyond_m2
 from mrmission.stages.launch import launch, launch_notes, waiting
 from mrmission.stages.lines import lanes_of, tie_report, with_lines
@@ -136,7 +136,14 @@ def finish(survey: Survey, parts: Sequence[PartPlan], notes: list[str]) -> Fleet
         paths=tuple(work.paths[r] for r in sorted(work.paths)),
         missions=tuple(work.missions[r] for r in sorted(work.missions)),
         report=_report(
-            survey, parts, coverage, work, notes, failsafe=failsafe, separation=separation
+            survey,
+            parts,
+            coverage,
+            chosen_lanes_bound([in_trips for in_trips, _, _ in exported]),
+            work,
+            notes,
+            failsafe=failsafe,
+            separation=separation,
         ),
     )
 
@@ -181,6 +188,7 @@ def _report(
     survey: Survey,
     parts: Sequence[PartPlan],
     coverage: Sequence[Coverage],
+    of_lanes: Bound | None,
     work: _Work,
     notes: Sequence[str],
     **more: Any,
@@ -190,7 +198,8 @@ def _report(
     robots = tuple(work.rows[r] for r in sorted(work.rows))
     makespan = max(r.duration_s + r.start_delay_s for r in robots)
     bound = any_plan_bound(parts, coverage)
-    of_lanes = chosen_lanes_bound(parts)
+    if of_lanes is not None:  # what holds for any plan holds for one of these lanes
+        of_lanes = max(of_lanes, bound)
     planned = total_area([p.work.region_m for p in parts])
     covered = sum(c.covered_m2 for c in coverage)
     beyond = covered_beyond_m2(survey.water_m, parts, list(work.paths.values()), options)

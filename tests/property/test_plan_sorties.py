@@ -92,6 +92,8 @@ def assert_whole(result: FleetPlan, options: PlanOptions) -> None:
         starts = [trip.start_s for trip in row.sorties]
         assert starts == sorted(starts)
     assert result.report.makespan_s >= result.report.lower_bound_s
+    if options.method == "minmax":
+        assert result.report.makespan_s >= result.report.lanes_bound_s
 
 
 @pytest.mark.parametrize(
@@ -108,6 +110,9 @@ def test_every_trip_is_home_with_its_reserve(method: str, limit: dict[str, float
     assert_whole(result, options)
     assert max(len(row.sorties) for row in result.report.robots) > 1
     assert any("out more than once" in note for note in result.report.notes)
+    if "endurance_s" in limit and method == "minmax":  # trips and swaps are in the bound
+        once = plan(lake(4), wishes())
+        assert result.report.lanes_bound_s > 1.1 * once.report.lanes_bound_s
 
 
 def test_what_is_enough_changes_nothing() -> None:

@@ -102,10 +102,10 @@ def test_a_toll_counts_where_all_ends_of_its_set_are_beyond() -> None:
 
 
 def test_true_for_any_tree_charges_and_tolls() -> None:
-    """What is not found by climbing but made up proves nothing false either."""
+    """What is not found by climbing but made up proves nothing false, with trips neither."""
     rng = np.random.default_rng(12)
-    told = 0
-    for case in range(400):
+    told = told_of_trips = 0
+    for case in range(600):
         lines, robots = int(rng.integers(1, 5)), int(rng.integers(1, 4))
         if case % 2:
             line, end, home = _anyhow(rng, lines, robots)
@@ -130,27 +130,33 @@ def test_true_for_any_tree_charges_and_tolls() -> None:
             inside.append(at)
         charge = rng.uniform(-20, 30, ends)
         toll = rng.uniform(0, 15, len(sets))
-        found = kernels.proven(
-            float(robots),
-            robots,
-            line,
-            end,
-            home.min(axis=0),
-            (
-                np.cumsum([0, *map(len, sets)]).astype(np.int64),
-                np.array([a for mine in sets for a in mine], dtype=np.int64),
-            ),
-            np.array(inside, dtype=np.int64),
-            (above, node, meet, _crossed(above, node)),
-            charge,
-            length,
-            toll,
-            np.zeros((2 * ends, 2), dtype=np.int64),
-        )
         best = best_makespan(line, end, home)
-        assert found <= best * (1 + 1e-9), f"case {case}"
-        told += found > 0.5 * best
-    assert told > 40  # most made up proofs are weak, not all
+        trip, swap = best * float(rng.uniform(0.4, 1.1)), float(rng.uniform(0, 20))
+        each = np.ones(robots)
+        best_of_trips = best_makespan(line, end, home, trip=trip * each, swap=swap * each)
+        for limits, least in (((np.inf, 0.0), best), ((trip, swap), best_of_trips)):
+            found = kernels.proven(
+                (float(robots), float(robots), *limits),
+                line,
+                end,
+                home.min(axis=0),
+                (
+                    np.cumsum([0, *map(len, sets)]).astype(np.int64),
+                    np.array([a for mine in sets for a in mine], dtype=np.int64),
+                ),
+                np.array(inside, dtype=np.int64),
+                (above, node, meet, _crossed(above, node)),
+                charge.copy(),
+                length,
+                toll,
+                np.zeros((2 * ends, 2), dtype=np.int64),
+            )
+            assert found <= least * (1 + 1e-9), f"case {case}, {limits}"
+            told += least == best and found > 0.5 * best
+            told_of_trips += least > best and found > 0.5 * least
+    # most made up proofs are weak, not all
+    assert told > 40
+    assert told_of_trips > 5
 
 
 @pytest.mark.parametrize(("arms", "lines", "robots"), [(2, 3, 3), (3, 2, 3), (2, 2, 3), (3, 2, 5)])

@@ -93,7 +93,7 @@ def _climb(
         sets = covers.start, covers.end
         inside = _inside(covers, arms)
         found = kernels.climb(
-            task.robots, task.tours, task.line_s, task.home_s,
+            task.fleet, task.line_s, task.home_s,
             (legs.start, legs.other, legs.owner), legs.length, sets, inside,
             crossings(legs.start, legs.other, *sets), tree, charge, length, toll,
             (min(steps, most), step_s * first, LAST, FOLLOW, AHEAD), means,
@@ -101,7 +101,7 @@ def _climb(
         covers = more_covers(Covers(*sets, toll), legs, *means)
         if proven:
             found = kernels.proven(
-                task.robots, task.tours, task.line_s, task.end_s, task.home_s, sets, inside, tree,
+                task.fleet, task.line_s, task.end_s, task.home_s, sets, inside, tree,
                 charge, length, toll, via,
             )  # fmt: skip
             legs = with_legs(legs, via, task)

@@ -4,6 +4,7 @@ Ends of lines sit at the nodes of a tree, see :mod:`mrmission.minmax.bounds.tree
 and odd sets of ends tolls. What is proven about them is in ``docs/bounds.md``. ``arms`` are the
 arrays ``above, node, meet, crossed`` of the tree, ``covers`` the sets: set s has the ends
 ``ends[start[s]:start[s + 1]]``, and the ways home of all of them run together at ``inside[s]``.
+``fleet`` is what :attr:`mrmission.minmax.bounds.parts.Task.fleet` says.
 """
 
 from __future__ import annotations
@@ -41,15 +42,15 @@ def _works(line_s, charge, arms, height):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def tours_of_arms(  # type: ignore[no-untyped-def]
-    makespan, tours, sure, lacking, inside, toll, arms, length, height, need, passed
+    makespan, fleet, sure, lacking, inside, toll, arms, length, height, need, passed
 ):
     """Write how often at least each edge is passed in a plan of that makespan; False if none is.
 
     ``sure`` is what each line needs whatever legs its ends have, ``lacking`` what those that need
-    less than nothing lack together, ``tours`` how many there may be. ``need`` becomes what has to
-    be done beyond each node.
+    less than nothing lack together. ``need`` becomes what has to be done beyond each node.
     """
     above, node, meet, crossed = arms
+    _, tours, trip, _ = fleet
     need[:] = 0.0
     for i in range(len(sure)):
         a, b = node[2 * i], node[2 * i + 1]
@@ -67,40 +68,44 @@ def tours_of_arms(  # type: ignore[no-untyped-def]
             count = max(1.0, np.ceil(wanted / room - ROUNDED))
         elif wanted > room:
             return False
-        passed[v] = max(2.0 * count, crossed[v])
         if count > tours:
             possible = False
+        if trip < makespan and trip > 2.0 * height[v]:  # each robot may come more than once
+            count = max(count, np.ceil(wanted / (trip - 2.0 * height[v]) - ROUNDED))
+        passed[v] = max(2.0 * count, crossed[v])
         need[above[v]] += need[v] + length[v] * passed[v]
     return possible
 
 
 @njit(cache=True)
 def _proves(  # type: ignore[no-untyped-def]
-    makespan, robots, tours, base, sure, lacking, inside, toll, arms, length, height, need, passed
+    makespan, fleet, base, sure, lacking, inside, toll, arms, length, height, need, passed
 ):
     """Return whether no plan has that makespan."""
+    robots, tours, trip, swap = fleet
     if not tours_of_arms(
-        makespan, tours, sure, lacking, inside, toll, arms, length, height, need, passed
+        makespan, fleet, sure, lacking, inside, toll, arms, length, height, need, passed
     ):
         return True
     total = base
     for v in range(1, len(length)):
         total += length[v] * passed[v]
+    total += swap * max(0.0, np.ceil(total / trip - ROUNDED) - tours)
     return total > robots * makespan
 
 
 @njit(cache=True)
 def highest(  # type: ignore[no-untyped-def]
-    robots, tours, base, sure, lacking, inside, toll, arms, length, height, need, passed
+    fleet, base, sure, lacking, inside, toll, arms, length, height, need, passed
 ):
     """Return the highest makespan found that no plan has."""
     low = 0.0
-    high = max(2.0 * height.max(), base / robots) + 1e-9
+    high = max(2.0 * height.max(), base / fleet[0]) + 1e-9
     bounded = False
     for _ in range(TRIED):
         middle = 0.5 * (low + high) if bounded else high
         if _proves(
-            middle, robots, tours, base, sure, lacking, inside, toll, arms, length, height,
+            middle, fleet, base, sure, lacking, inside, toll, arms, length, height,
             need, passed,
         ):  # fmt: skip
             low = middle
@@ -170,7 +175,7 @@ def _sure(work, owed):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def climb(  # type: ignore[no-untyped-def]
-    robots, tours, line_s, home_s, legs, length_s, covers, inside, crossings, arms,
+    fleet, line_s, home_s, legs, length_s, covers, inside, crossings, arms,
     charge, length, toll, pace, means,
 ):  # fmt: skip
     """Improve charges, lengths of edges and tolls in place; return what they prove on these legs.
@@ -217,11 +222,11 @@ def climb(  # type: ignore[no-untyped-def]
         _tree(legs, rest, rest_home, value, via, via_home)
         base = toll.sum() + max(work.sum() + value.sum(), sure.sum())
         if _proves(
-            best * (1.0 + 1e-4), robots, tours, base, sure, lacking, inside, toll, arms, length,
+            best * (1.0 + 1e-4), fleet, base, sure, lacking, inside, toll, arms, length,
             height, need, passed,
         ):  # fmt: skip
             found = highest(
-                robots, tours, base, sure, lacking, inside, toll, arms, length, height, need, passed
+                fleet, base, sure, lacking, inside, toll, arms, length, height, need, passed
             )
             if found > best:
                 best = found
@@ -229,7 +234,7 @@ def climb(  # type: ignore[no-untyped-def]
                 best_length[:] = length
                 best_toll[:] = toll
         tours_of_arms(
-            max(best, 2.0 * height.max()) * (1.0 + ahead), tours, sure, lacking, inside, toll, arms,
+            max(best, 2.0 * height.max()) * (1.0 + ahead), fleet, sure, lacking, inside, toll, arms,
             length, height, need, passed,
         )  # fmt: skip
         # what lines and the legs of the tree use of each end, leg and edge
@@ -285,7 +290,7 @@ def climb(  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def proven(  # type: ignore[no-untyped-def]
-    robots, tours, line_s, end_s, home_s, covers, inside, arms, charge, length, toll, via
+    fleet, line_s, end_s, home_s, covers, inside, arms, charge, length, toll, via
 ):
     """Return the makespan that charges, lengths of edges and tolls prove with all legs.
 
@@ -333,6 +338,4 @@ def proven(  # type: ignore[no-untyped-def]
     sure, lacking = _sure(work, np.maximum(0.0, -least))
     base = toll.sum() + max(work.sum() + total, sure.sum())
     need, passed = np.zeros(nodes), np.zeros(nodes)
-    return highest(
-        robots, tours, base, sure, lacking, inside, toll, arms, length, height, need, passed
-    )
+    return highest(fleet, base, sure, lacking, inside, toll, arms, length, height, need, passed)

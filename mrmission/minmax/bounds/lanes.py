@@ -6,6 +6,7 @@ The greatest of what the work, the farthest line, prices (:mod:`.prices`) and ar
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -51,6 +52,8 @@ def lanes_bound(
     sweep_scale: FloatArray | None = None,
     travel_scale: FloatArray | None = None,
     fixed_s: float = 0.0,
+    trip_s: FloatArray | None = None,
+    swap_s: FloatArray | None = None,
 ) -> LanesBound:
     """Return a time that the longest tour takes at least if every line is swept in one go.
 
@@ -67,16 +70,23 @@ def lanes_bound(
         What the seconds of lines, and between ends, are multiplied by for each robot; 1 when None.
     fixed_s
         What each robot that has work spends besides.
+    trip_s : (robots,) array
+        How long each robot may be away from home, in its own seconds; as long as it likes when
+        None.
+    swap_s : (robots,) array
+        What it spends between two trips; nothing when None.
 
     Returns
     -------
     LanesBound
-        It holds for tours that leave robots without work, too.
+        It holds for tours that leave robots without work, and for robots that come home in between,
+        too.
     """
     ends = np.ascontiguousarray(end_s, dtype=np.float64)
     return _bound(
-        line_s, ends, np.zeros((0, 2)), 0.0, home_s, (sweep_scale, travel_scale), fixed_s, None
-    )
+        line_s, ends, np.zeros((0, 2)), 0.0, home_s, (sweep_scale, travel_scale), fixed_s, None,
+        (trip_s, swap_s),
+    )  # fmt: skip
 
 
 def many_lanes_bound(
@@ -130,6 +140,7 @@ def _bound(
     scales: tuple[FloatArray | None, FloatArray | None],
     fixed_s: float,
     near: IntArray | None,
+    trips: tuple[FloatArray | None, FloatArray | None] = (None, None),
 ) -> LanesBound:
     robots = len(home_s)
     if len(line_s) == 0 or robots == 0:
@@ -140,7 +151,12 @@ def _bound(
     fastest = float(pace.min())
     line = np.ascontiguousarray(line_s, dtype=np.float64)
     home = np.ascontiguousarray(np.min(home_s / pace[:, None], axis=0), dtype=np.float64)
-    task = Task(float((fastest / pace).sum()), robots, line, home, end_s, places_s, slack_s)
+    trip, swap = (None if s is None else np.asarray(s, dtype=np.float64) / pace for s in trips)
+    task = Task(
+        float((fastest / pace).sum()), robots, line, home, end_s, places_s, slack_s,
+        trip_s=math.inf if trip is None else float(trip.max()),
+        swap_s=0.0 if swap is None else float(swap.min()),
+    )  # fmt: skip
     best, term = max(float(line.sum()) / task.robots, 0.0), "work shared out"
     # numbers that are no metric may make the way over other lines the shorter one
     away = depths(line, task.table, home, 1.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,6 +47,9 @@ class Task:
     ----------
     robots
         In times the fastest; ``tours`` counts them.
+    trip_s, swap_s
+        What a trip may take at most, and what every trip beyond the first of each robot costs
+        besides at least.
     """
 
     robots: float
@@ -55,6 +59,13 @@ class Task:
     end_s: FloatArray
     places_s: FloatArray
     slack_s: float
+    trip_s: float = math.inf
+    swap_s: float = 0.0
+
+    @property
+    def fleet(self) -> tuple[float, float, float, float]:
+        """Return ``robots, tours, trip_s, swap_s`` as the kernels take them."""
+        return self.robots, float(self.tours), self.trip_s, self.swap_s
 
     @property
     def table(self) -> tuple[FloatArray, FloatArray, float]:
