@@ -2,28 +2,26 @@
 
 A way costs its length over the transit speed, the corners at both of its ends, and what it goes out
 of its way for hooks (:mod:`mrmission.minmax.hooks`). Between near ends, where nearly all ways of a
-good plan lie, and between homes and ends, this is computed leg by leg as the time model does it;
-between all others from the angles at both ends alone, and from a mean corner where the way is bent.
+good plan lie, this is computed leg by leg as the time model does it; between all others, and to the
+homes, from the angles at the ends alone, and from a mean corner where the way is bent.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 from numba import njit
 
-from mrmission.minmax.gentle import gentlest_s
 from mrmission.minmax.hooks import Hooks
 from mrmission.minmax.problem import LaneProblem
 from mrmission.minmax.ways import Ways, hooked_ways, straight
 from mrmission.model import FloatArray, IntArray, LegKind
 from mrmission.routing.harbour import Harbour
 from mrmission.tour.lines import SurveyLine, ends_of, lengths_m
-from mrmission.tour.reversals import REVERSAL_DEG
 from mrmission.tour.timing import TimeModel
-from mrmission.tour.turning import MOST_TRIM, turn_cost_m
+from mrmission.tour.turning import turn_cost_m
 
 NEAR = 12
 """So many nearest ends of each end are priced leg by leg."""
@@ -46,13 +44,12 @@ class LineCosts:
     ----------
     problem
         In seconds.
-    least
-        The same with every way that was not priced leg by leg at the least it can cost; for
-        lower bounds.
+    metres
+        (2 · lines, 2 · lines) lengths of the ways between the ends.
     """
 
     problem: LaneProblem
-    least: LaneProblem
+    metres: FloatArray
 
 
 def line_costs(
@@ -83,42 +80,33 @@ def line_costs(
     out = outward(lines)
     time = times[0]
     metres = harbour.distance_matrix(ends)
-    first, last = _near_pairs(metres)
+    first, last = chosen_pairs(metres)
     near = near_ways(ends, first, last, metres[first, last], harbour)
     near_s = near_seconds(near, ends, out, hooks, time, lanes_alone)
     hook_s = _mean_hook_s(ends, out, hooks, time, lanes_alone)
     table, mean = _corner_table(time)
-    cost, least = metres, metres.copy()
+    cost = metres.copy()
     _price_all(cost, ends, out, table, mean, hook_s, 1.0 / time.transit_speed_m_s)
-    floor = min(0.0, float(table.min()))
-    no_hooks = np.zeros(len(ends))
-    widest = widest_turning(times)
-    corner_s = floor - trim_s(widest)
-    flat = np.full_like(table, corner_s)
-    _price_all(least, ends, out, flat, corner_s, no_hooks, 1.0 / way_speed_m_s(widest))
-    least_s = least_near_s(near_s, near, out, hooks, widest, lanes_alone)
-    for matrix, seconds in ((cost, near_s), (least, least_s)):
-        matrix[first, last] = seconds
-        matrix[last, first] = seconds
-    home_s, home_least_s = _home_seconds(ends, out, homes_m, hooks, harbour, times, lanes_alone)
+    cost[first, last] = cost[last, first] = near_s
     lane_s = lengths_m(lines) / time.survey_speed_m_s + _short_lanes_s(lines, time)
     sweep_scale, travel_scale = speed_scales(times)
-    return LineCosts(
-        problem=LaneProblem(
-            lane_cost=lane_s,
-            end_cost=cost,
-            home_cost=home_s,
-            sweep_scale=sweep_scale,
-            travel_scale=travel_scale,
-        ),
-        least=LaneProblem(
-            lane_cost=least_lane_s(lines, widest),
-            end_cost=least,
-            home_cost=home_least_s,
-            sweep_scale=sweep_scale,
-            travel_scale=travel_scale,
-        ),
+    problem = LaneProblem(
+        lane_cost=lane_s,
+        end_cost=cost,
+        home_cost=_home_seconds(ends, out, homes_m, hooks, harbour, times, lanes_alone),
+        sweep_scale=sweep_scale,
+        travel_scale=travel_scale,
     )
+    return LineCosts(problem=problem, metres=metres)
+
+
+def distinct_times(times: tuple[TimeModel, ...]) -> list[TimeModel]:
+    """Return the times of robots that differ from each other, the first robot's first."""
+    out: list[TimeModel] = []
+    for time in times:
+        if time not in out:
+            out.append(time)
+    return out
 
 
 def speed_scales(times: tuple[TimeModel, ...]) -> tuple[FloatArray, FloatArray]:
@@ -142,8 +130,14 @@ def outward(lines: tuple[SurveyLine, ...]) -> FloatArray:
     return legs / np.where(length > 0, length, 1.0)[:, None]
 
 
-def _near_pairs(metres: FloatArray) -> tuple[IntArray, IntArray]:
-    """Return pairs of ends, smaller first, of which one is among the nearest of the other."""
+def chosen_pairs(metres: FloatArray) -> tuple[IntArray, IntArray]:
+    """Return pairs of ends, smaller first, of which one is among the nearest of the other.
+
+    Parameters
+    ----------
+    metres
+        (ends, ends) lengths of the ways between them.
+    """
     n = len(metres)
     count = min(NEAR + 1, n - 1)
     if count <= 0:
@@ -200,79 +194,6 @@ def near_seconds(
         return np.maximum(turn_m, near.metres) / time.transit_speed_m_s
     ways = hooked_ways(first, last, near.start, near.points_m, hooks, always=lanes_alone)
     return ways_s(ways, out[first], -out[last], time, lanes_alone=lanes_alone)
-
-
-def widest_turning(times: tuple[TimeModel, ...]) -> TimeModel:
-    """Return the first robot's times with the largest turn radius of all.
-
-    The order of lanes is by the first; what turns leave out, any robot may.
-    """
-    radius_m = max(time.turn_radius_m for time in times)
-    same = radius_m == times[0].turn_radius_m
-    return times[0] if same else replace(times[0], turn_radius_m=radius_m)
-
-
-def trim_s(time: TimeModel) -> float:
-    """Return what a way may be shorter for each lane end at which a turn trims the lane."""
-    return MOST_TRIM * time.turn_radius_m / way_speed_m_s(time)
-
-
-def way_speed_m_s(time: TimeModel) -> float:
-    """Return the speed that no way between lanes goes beyond.
-
-    With a turn radius a lane goes on to the first corner of the turn, at survey speed.
-    """
-    return time.top_speed_m_s if time.turn_radius_m > 0 else time.transit_speed_m_s
-
-
-def least_near_s(
-    near_s: FloatArray,
-    near: NearWays,
-    out: FloatArray,
-    hooks: Hooks,
-    time: TimeModel,
-    lanes_alone: bool,
-) -> FloatArray:
-    """Return what the ways between pairs of near ends cannot be less than, `near_s` or below.
-
-    A reversal may be replaced by up to three gentler corners, which also changes the one behind it
-    (:mod:`mrmission.minmax.gentle`); a turn of a radius may begin before the end of a lane.
-    """
-    floor = min(0.0, float(_corner_table(time)[0].min()))
-    if time.turn_radius_m > 0:
-        least = near.metres / way_speed_m_s(time) + 2 * (floor - trim_s(time))
-        return np.minimum(near_s, np.maximum(least, 0.0))
-    if time.steering != "steered" or not len(near_s):
-        return near_s
-    marked = time.with_reversals_marked(REVERSAL_DEG, MARK_S)
-    ways = hooked_ways(near.first, near.last, near.start, near.points_m, hooks, always=lanes_alone)
-    leave, enter = out[near.first], -out[near.last]
-    seconds = ways_s(ways, leave, enter, marked, lanes_alone=lanes_alone)
-    count = np.round(np.maximum(seconds - near_s, 0.0) / MARK_S)
-    # a reversal, the corner behind it and the short leg between the two: all that can become less
-    curves = (time.survey, time.transit)
-    corner_s = max(float(c.corner_s.max()) for c in curves) - 2 * floor
-    short_s = max(float((c.first_s + np.maximum(c.bend_s, c.zigzag_s)).max()) for c in curves)
-    least = np.maximum(
-        near.metres / time.transit_speed_m_s + 4 * floor, near_s - count * (2 * corner_s + short_s)
-    )
-    if not lanes_alone:
-        one = np.flatnonzero(count == 1)
-        least[one] = gentlest_s(ways, one, leave, enter, time)
-    return np.where(count > 0, np.clip(least, 0.0, near_s), near_s)
-
-
-def least_lane_s(lines: tuple[SurveyLine, ...], time: TimeModel) -> FloatArray:
-    """Return (lines,) what sweeping each line cannot be less than.
-
-    With a turn radius that is without what turns may leave out at its ends, and nothing for a line
-    shorter than the radius.
-    """
-    length = lengths_m(lines)
-    radius_m = time.turn_radius_m
-    if radius_m > 0:
-        length = np.where(length < radius_m, 0.0, length - 2 * MOST_TRIM * radius_m)
-    return np.maximum(length, 0.0) / time.survey_speed_m_s
 
 
 def _with_ways(
@@ -427,13 +348,14 @@ def _home_seconds(
     harbour: Harbour,
     times: tuple[TimeModel, ...],
     lanes_alone: bool,
-) -> tuple[FloatArray, FloatArray]:
-    """Return (robots, ends) seconds between homes and ends, and the least that they can be.
+) -> FloatArray:
+    """Return (robots, ends) seconds between homes and ends.
 
-    Half of setting off and stopping is in each.
+    Half of setting off and stopping is in each. A way around land is priced as a straight one, by
+    the corner at the line, that is as much longer.
     """
     metres = harbour.distances(homes_m, ends)
-    cost, least = np.empty_like(metres), np.empty_like(metres)
+    cost = np.empty_like(metres)
     last = np.arange(len(ends))
     nowhere = np.full(len(ends), -1, dtype=np.int64)
     none = np.zeros((len(ends), 2))
@@ -444,15 +366,11 @@ def _home_seconds(
         seconds = ways_s(ways, none, -out, time, lanes_alone=lanes_alone)
         around_m = metres[robot] - np.hypot(*(ends - homes_m[robot]).T)
         seconds += np.maximum(around_m, 0.0) / time.transit_speed_m_s
-        half = 0.5 * _ends_s(time)
-        cost[robot] = np.maximum(seconds, 0.0) + half
-        floor = min(0.0, float(_corner_table(time)[0].min()))
-        way_s = metres[robot] / way_speed_m_s(time) + floor - trim_s(time)
-        least[robot] = np.maximum(way_s, 0.0) + half
-    return cost, least
+        cost[robot] = np.maximum(seconds, 0.0) + 0.5 * ends_s(time)
+    return cost
 
 
-def _ends_s(time: TimeModel) -> float:
+def ends_s(time: TimeModel) -> float:
     """Return the seconds of setting off and of stopping, taking off and landing included."""
     kind = np.array([int(LegKind.TRANSIT)], dtype=np.int8)
     line = np.array([[0.0, 0.0], [0.0, STUB_M]])

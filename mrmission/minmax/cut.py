@@ -15,7 +15,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from mrmission.minmax.problem import LaneProblem, LaneTours
+from mrmission.minmax.problem import LaneTours
 from mrmission.model import FloatArray, IntArray
 from mrmission.tour.lines import LineKind, SurveyLine, between, lengths_m
 from mrmission.tour.work import PartWork
@@ -80,20 +80,29 @@ def cut_lines(work: PartWork) -> Pieces:
     return whole
 
 
-def swept_in_one_go(problem: LaneProblem, tours: LaneTours, line_of: IntArray) -> LaneProblem:
-    """Return the problem of the lines as tours sweep them: pieces that follow on each other joined.
+def swept_in_one_go(
+    lines: tuple[SurveyLine, ...], tours: LaneTours, line_of: IntArray
+) -> tuple[tuple[SurveyLine, ...], IntArray]:
+    """Return the lines as tours sweep them: pieces that follow on each other are one again.
 
     Parameters
     ----------
-    problem
-        Of the pieces; with a matrix.
+    lines
+        The pieces.
     tours
         What sweeps them.
     line_of
         (pieces,) which line each piece is of, see :class:`Pieces`.
+
+    Returns
+    -------
+    lines
+        Each from the end at which it is entered.
+    ends
+        (2 · lines,) which ends of pieces theirs are.
     """
     ends: list[int] = []
-    cost: list[float] = []
+    rows: list[list[int]] = []
     for entries in tours.entries:
         for i, entry in enumerate(entries.tolist()):
             before = entries[i - 1] ^ 1 if i else -1
@@ -107,17 +116,18 @@ def swept_in_one_go(problem: LaneProblem, tours: LaneTours, line_of: IntArray) -
             )
             if goes_on:
                 ends[-1] = entry ^ 1
-                cost[-1] += float(problem.lane_cost[entry >> 1])
+                rows[-1].append(entry)
             else:
                 ends += [entry, entry ^ 1]
-                cost.append(float(problem.lane_cost[entry >> 1]))
-    assert problem.end_cost is not None  # the caller's promise
-    return replace(
-        problem,
-        lane_cost=np.array(cost),
-        home_cost=problem.home_cost[:, ends],
-        end_cost=problem.end_cost[np.ix_(ends, ends)],
-    )
+                rows.append([entry])
+    return tuple(_joined(lines, row) for row in rows), np.array(ends, dtype=np.int64)
+
+
+def _joined(lines: tuple[SurveyLine, ...], entries: list[int]) -> SurveyLine:
+    """Return pieces that follow on each other, entered at these ends, as one line."""
+    ways = [lines[entry >> 1].way(entry) for entry in entries]
+    points_m = np.concatenate([ways[0], *(way[1:] for way in ways[1:])])
+    return replace(lines[entries[0] >> 1], points_m=points_m)
 
 
 def _least_tour_m(work: PartWork) -> float:

@@ -56,6 +56,18 @@ class Hooks:
     def __len__(self) -> int:
         return len(self.point_start) - 1
 
+    def of_ends(self, ends: IntArray) -> Hooks:
+        """Return the hooks of some ends, which are then counted from 0 in this order."""
+        chosen = _ranges(self.of_end, ends)
+        return Hooks(
+            of_end=_starts(np.diff(self.of_end)[ends]),
+            point_start=_starts(np.diff(self.point_start)[chosen]),
+            points_m=self.points_m[_ranges(self.point_start, chosen)],
+            hull_start=_starts(np.diff(self.hull_start)[chosen]),
+            hull_m=self.hull_m[_ranges(self.hull_start, chosen)],
+            reach_m=self.reach_m,
+        )
+
 
 def find_hooks(work: PartWork) -> tuple[Hooks, tuple[SurveyLine, ...]]:
     """Return the hooks of a part's line ends, and the lines that cover what lies elsewhere.
@@ -170,16 +182,23 @@ def _listed(
     """Return hooks sorted by their end, nearest first, as lists one after the other."""
     ordered = sorted(found, key=lambda hook: (hook[0], hook[1].tolist()))
     none = np.zeros((0, 2))
-
-    def starts(sizes: Sequence[int]) -> IntArray:
-        return np.concatenate([[0], np.cumsum(sizes, dtype=np.int64)]).astype(np.int64)
-
     count = np.bincount(np.array([h[0] for h in ordered], dtype=np.int64), minlength=ends)
     return Hooks(
-        of_end=starts(count.tolist()),
-        point_start=starts([len(h[1]) for h in ordered]),
+        of_end=_starts(count),
+        point_start=_starts([len(h[1]) for h in ordered]),
         points_m=np.ascontiguousarray(np.concatenate([none, *(h[1] for h in ordered)])),
-        hull_start=starts([len(h[2]) for h in ordered]),
+        hull_start=_starts([len(h[2]) for h in ordered]),
         hull_m=np.ascontiguousarray(np.concatenate([none, *(h[2] for h in ordered)])),
         reach_m=reach_m,
     )
+
+
+def _starts(sizes: Sequence[int] | IntArray) -> IntArray:
+    """Return where lists of these sizes begin, one after the other, and where the last ends."""
+    return np.concatenate([[0], np.cumsum(sizes, dtype=np.int64)]).astype(np.int64)
+
+
+def _ranges(start: IntArray, which: IntArray) -> IntArray:
+    """Return what lies in some of the lists that begin at `start`, one after the other."""
+    none = [np.zeros(0, dtype=np.int64)]
+    return np.concatenate([*none, *(np.arange(start[i], start[i + 1]) for i in which.tolist())])

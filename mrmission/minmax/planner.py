@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
-from mrmission.minmax.bounds.lanes import LanesBound, lanes_bound, many_lanes_bound
+from mrmission.minmax.bounds.lanes import LanesBound
 from mrmission.minmax.costs import speed_scales
 from mrmission.minmax.cut import cut_lines, swept_in_one_go
 from mrmission.minmax.hooks import Hooks, find_hooks, no_hooks
+from mrmission.minmax.line_bound import bound_of_lines, bound_of_many_lines
 from mrmission.minmax.problem import LaneProblem, LaneTours, SparseWays, tour_cost
 from mrmission.minmax.runs import part_costs, priced
 from mrmission.minmax.sparse_costs import SparseCosts, sparse_line_costs
@@ -44,8 +46,9 @@ class Prepared:
         Lines cut, which line each is of, and their hooks.
     problem
         What the search is told.
-    least, beyond
-        For a bound the least of it, of either kind.
+    metres, beyond
+        Of all ways between ends, with a matrix or without one where it would be too large; None
+        for the other.
     begun
         Tours of a short search.
     """
@@ -55,7 +58,7 @@ class Prepared:
     line_of: IntArray
     hooks: Hooks
     problem: LaneProblem
-    least: LaneProblem | None
+    metres: FloatArray | None
     beyond: SparseCosts | None
     begun: LaneTours | None = None
 
@@ -63,10 +66,10 @@ class Prepared:
 def prepare(work: PartWork) -> Prepared:
     """Return a part's work as the search sees it."""
     lines, line_of, hooks = lines_and_hooks(work)
-    problem, least, beyond = problems_of(lines, hooks, work)
+    problem, metres, beyond = _problems(lines, hooks, work)
     return Prepared(
         work=work, lines=lines, line_of=line_of, hooks=hooks,
-        problem=problem, least=least, beyond=beyond,
+        problem=problem, metres=metres, beyond=beyond,
     )  # fmt: skip
 
 
@@ -96,11 +99,23 @@ def lane_tours(work: PartWork, prepared: Prepared | None = None) -> PartTours:
     if ready.begun is not None and ready.begun.cost.max() < tours.cost.max():
         tours = ready.begun  # a long search is better as a rule, not always
     tours, paths = _evened_out(problem, tours, lines, hooks, work, rounds, ROUND_SHARE * budget_s)
-    least = ready.least
-    if least is not None:
-        least = swept_in_one_go(least, tours, ready.line_of)
-    bound = partial(bound_of, least, ready.beyond, work)
-    return PartTours(method="minmax", paths=paths, lanes_bound=bound)
+    return PartTours(method="minmax", paths=paths, lanes_bound=_bound_of(ready, tours, work))
+
+
+def _bound_of(ready: Prepared, tours: LaneTours, work: PartWork) -> Callable[[], LanesBound] | None:
+    """Return what finds the bound for the lines that tours sweep; None for trips.
+
+    It keeps what it needs of all ways, and no more.
+    """
+    if len(set(work.robots)) < len(work.robots):  # planned as robots of their own
+        return None
+    if ready.beyond is not None:
+        near = ready.beyond.near.astype(np.int64)
+        return partial(bound_of_many_lines, ready.lines, near, work)
+    assert ready.metres is not None  # either of two kinds
+    lines, ends = swept_in_one_go(ready.lines, tours, ready.line_of)
+    hooks, metres = ready.hooks.of_ends(ends), ready.metres[np.ix_(ends, ends)]
+    return partial(bound_of_lines, lines, hooks, work, metres)
 
 
 def lines_and_hooks(work: PartWork) -> tuple[tuple[SurveyLine, ...], IntArray, Hooks]:
@@ -164,26 +179,13 @@ def laid(
     return paths, np.array(seconds)
 
 
-def problems_of(
+def _problems(
     lines: tuple[SurveyLine, ...], hooks: Hooks, work: PartWork
-) -> tuple[LaneProblem, LaneProblem | None, SparseCosts | None]:
-    """Return what the search is told and, for a bound, the least of it: either of two kinds.
-
-    Parameters
-    ----------
-    lines, hooks, work
-        The work: lines of the part, cut or not, and their hooks.
-
-    Returns
-    -------
-    problem
-        In seconds.
-    least, beyond
-        With a matrix of all ways, or without one where it would be too large; None for the other.
-    """
+) -> tuple[LaneProblem, FloatArray | None, SparseCosts | None]:
+    """Return what the search is told, and what is known of all ways: either of two kinds."""
     if 2 * len(lines) <= DENSE_ENDS:
         costs = part_costs(lines, hooks, work)
-        return costs.problem, costs.least, None
+        return costs.problem, costs.metres, None
     longer, extra_s = priced(lines, work)
     sparse = sparse_line_costs(
         longer, hooks, work.harbour, work.homes_m, work.times,
@@ -198,51 +200,6 @@ def problems_of(
         sweep_scale=sweep, travel_scale=travel,
     )  # fmt: skip
     return problem, None, sparse
-
-
-def bound_of(
-    least: LaneProblem | None,
-    beyond: SparseCosts | None,
-    work: PartWork,
-    trips: tuple[FloatArray, FloatArray] | None = None,
-) -> LanesBound | None:
-    """Return what no plan of the same lines can beat; None where it is not known.
-
-    Parameters
-    ----------
-    least, beyond
-        Of :func:`problems_of`.
-    work
-        With every robot once: trips that are planned as robots of their own have no bound.
-    trips
-        (robots,) how long a trip of each may last and what lies between two, s; None where all go
-        out once. It is not counted where there is no matrix of all ways.
-    """
-    if len(set(work.robots)) < len(work.robots):
-        return None
-    if beyond is not None:
-        sweep, travel = speed_scales(work.times)
-        return many_lanes_bound(
-            line_s=beyond.least_lane_s,
-            ends_m=beyond.ends_m,
-            near=beyond.near.astype(np.int64),
-            speed_m_s=work.time.transit_speed_m_s,
-            slack_s=beyond.slack_s,
-            home_s=beyond.least_home_s,
-            sweep_scale=sweep,
-            travel_scale=travel,
-        )
-    if least is None or least.end_cost is None:
-        return None
-    return lanes_bound(
-        line_s=least.lane_cost,
-        end_s=least.end_cost,
-        home_s=least.home_cost,
-        sweep_scale=least.sweep_scale,
-        travel_scale=least.travel_scale,
-        trip_s=None if trips is None else trips[0],
-        swap_s=None if trips is None else trips[1],
-    )
 
 
 def tour_paths(

@@ -23,8 +23,6 @@ from mrmission.tour.work import PartWork
 def part_costs(lines: tuple[SurveyLine, ...], hooks: Hooks, work: PartWork) -> LineCosts:
     """Return what a part's lines cost the search, runs included.
 
-    The least costs, for lower bounds, are those without runs: a plan may have to leave them out.
-
     Parameters
     ----------
     lines, hooks
@@ -43,7 +41,7 @@ def part_costs(lines: tuple[SurveyLine, ...], hooks: Hooks, work: PartWork) -> L
             longer, hooks, work.harbour, work.homes_m, work.times, lanes_alone=alone
         ).problem
     problem = replace(problem, lane_cost=problem.lane_cost + extra_s)
-    return LineCosts(problem=problem, least=plain.least)
+    return LineCosts(problem=problem, metres=plain.metres)
 
 
 def priced(

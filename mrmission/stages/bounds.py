@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from mrmission.minmax.bounds.lanes import LanesBound
-from mrmission.minmax.trip_bound import trips_bound
+from mrmission.minmax.line_bound import trips_bound
 from mrmission.minmax.trips import Allowance
 from mrmission.options import PlanOptions
 from mrmission.partition.bound import fleet_area_bound_s

@@ -14,7 +14,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from mrmission.model import FloatArray
+from mrmission.model import FloatArray, LegKind
 from mrmission.options import PlanOptions
 from mrmission.tour.timing import TimeModel, turns_deg
 
@@ -156,6 +156,9 @@ class Ramp:
         return high
 
 
+GAIN_LEGS_M = (5.0, 10.0, 20.0, 40.0, 80.0, 160.0, 400.0)
+GAIN_DEG = tuple(float(angle) for angle in range(0, 181, 10))
+"""Lengths and angles among which the corner that gains most is looked for."""
 SPOOL_S = 3.4
 """From the start of a take-off until the ground is left."""
 TAKEOFF_BRAKE_M_S2 = 0.56
@@ -265,7 +268,7 @@ class FlightTimeModel(TimeModel):
             corner_s(known[i], known[i + 1], round(float(turn), 1), speeds[i], speeds[i + 1])
             for i, turn in enumerate(turn_deg)
         ]
-        return np.maximum(np.array(extra), self._least_s(metres, turn_deg))
+        return np.maximum(np.array(extra), self.least_corner_s(metres, turn_deg))
 
     def duration_s(self, points_m: FloatArray, kind: np.ndarray) -> float:
         """Return the seconds from the start of the mission until the motors stop."""
@@ -280,6 +283,31 @@ class FlightTimeModel(TimeModel):
         stop_s = last.whole_s - last_m / speed
         along = self.legs_s(points, kinds).sum() + self.corners_s(points, kinds).sum()
         return float(along + stop_s + up_and_down_s(self.altitude_m, FlightLimits()))
+
+    @property
+    def long_leg_m(self) -> float:
+        """Return the length from which on a leg reaches its speed, whatever comes behind it."""
+        far = (0.0, 1e6, 0.0)
+        limits = FlightLimits(speed_m_s=self.top_speed_m_s)
+        return 2.0 * self.top_speed_m_s * Ramp((0.0, 0.0, 0.0), far, limits).ramp_s
+
+    def short_row_s(self, leg_m: FloatArray) -> FloatArray:
+        """Return that nothing is known of what a way takes beside a leg that is short."""
+        return np.full(len(leg_m), np.inf)
+
+    def most_gain_s(self, before: LegKind, after: LegKind) -> float:
+        """Return what a corner between legs of these kinds may gain at most, 0 or more.
+
+        Legs of many lengths and angles were looked at, and half as much is added.
+        """
+        one, two = self._speeds(np.array([before, after])).tolist()
+        least = min(
+            corner_s(a, b, angle, one, two)
+            for a in GAIN_LEGS_M
+            for b in GAIN_LEGS_M
+            for angle in GAIN_DEG
+        )
+        return max(0.0, -1.5 * least)
 
     def swing_m(self, points_m: FloatArray, kind: np.ndarray) -> float:
         """Return how far a copter leaves a path at its corners: it cuts them within the radius."""

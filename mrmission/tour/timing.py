@@ -18,6 +18,8 @@ from mrmission.tour.time_table import TimeRow, TimeTable, default_table
 BEND_DEG = 20.0
 ZIGZAG_DEG = 90.0
 """The angles of the stairs in the table: chains of short legs are interpolated between the two."""
+GAIN_CELLS = 720
+"""Between so many angles a corner's gain is taken at its most."""
 TAIL = 2.0
 """Beyond this many times the longest short leg of the table, a leg is long."""
 
@@ -69,7 +71,7 @@ class TimeModel:
         The vehicle's WP_RADIUS.
     swath_m
         Width of the footprint. A corner that is cut counts for less than nothing only as far as
-        the lower bound on the makespan allows: see :meth:`_least_s`. 0 lets no corner gain.
+        the lower bound on the makespan allows: see :meth:`least_corner_s`. 0 lets no corner gain.
     table
         What was measured; None takes the packaged table.
     turn_radius_m
@@ -164,7 +166,7 @@ class TimeModel:
         )
         short = self._short_s(length, turn_deg, kind)
         extra = corner + 0.5 * (short[:-1] + short[1:]) + self._speed_changes_s(length, kind)
-        return np.maximum(extra, self._least_s(length, turn_deg))
+        return np.maximum(extra, self.least_corner_s(length, turn_deg))
 
     def _short_s(self, length: FloatArray, turn_deg: FloatArray, kind: np.ndarray) -> FloatArray:
         """Return (n - 1,) extra seconds of the legs that lie between two corners.
@@ -205,7 +207,43 @@ class TimeModel:
         gain = length[1:] * (1.0 / after - 1.0 / np.maximum(speed[:-1], after))
         return np.maximum(extra, -gain)
 
-    def _least_s(self, length: FloatArray, turn_deg: FloatArray) -> FloatArray:
+    @property
+    def long_leg_m(self) -> float:
+        """Return the length from which on a leg costs nothing but its length over its speed."""
+        return float(max(self.survey.leg_m[-1], self.transit.leg_m[-1]))
+
+    def short_row_s(self, leg_m: FloatArray) -> FloatArray:
+        """Return what a way may take less, at most, where the legs before or behind it are short.
+
+        Only the first of a row of short legs loses the vehicle's speed, and a lone short leg is no
+        zigzag.
+
+        Parameters
+        ----------
+        leg_m
+            (ways,) lengths of the first leg of each.
+        """
+        first = [np.interp(leg_m, c.leg_m, c.first_s) for c in (self.survey, self.transit)]
+        alone = max(float((c.bend_s - c.zigzag_s).max()) for c in (self.survey, self.transit))
+        return np.maximum(*first) + 2.0 * max(0.0, alone)
+
+    def most_gain_s(self, before: LegKind, after: LegKind) -> float:
+        """Return what a corner between legs of these kinds may gain at most, 0 or more."""
+        edge = np.linspace(0.0, 180.0, GAIN_CELLS + 1)
+        sides = [self.survey if k == LegKind.SURVEY else self.transit for k in (before, after)]
+        # the curves are straight between their angles, so each is least at one of these
+        angles = np.unique(np.concatenate([edge, *(c.angle_deg for c in sides)]))
+        corner = 0.5 * sum(np.interp(angles, c.angle_deg, c.corner_s) for c in sides)
+        speed = self._speeds(np.array([before, after]))
+        change = 0.0
+        if self.accel_m_s2 is not None and speed[1] < speed[0]:
+            change = -((speed[1] - speed[0]) ** 2) / (2.0 * self.accel_m_s2 * speed[1])
+        low = np.minimum(corner[:-1], corner[1:]) + change
+        # what may be gained grows with the angle
+        most = -self.least_corner_s(np.full(len(angles), np.inf), angles[1:])
+        return max(0.0, float(np.minimum(-low, most).max()))
+
+    def least_corner_s(self, length: FloatArray, turn_deg: FloatArray) -> FloatArray:
         """Return (n - 2,) the least extra seconds that a corner may count, 0 or below.
 
         The bound on the makespan says: a path of length L covers L·w + π·w²/4 at most, w being

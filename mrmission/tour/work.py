@@ -92,7 +92,7 @@ class PartTours:
 
     method: str
     paths: tuple[CoveragePath, ...]
-    lanes_bound: Callable[[], LanesBound | None] | None = None
+    lanes_bound: Callable[[], LanesBound] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

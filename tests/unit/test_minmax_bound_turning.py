@@ -13,8 +13,8 @@ import shapely
 
 from mrmission.minmax import costs as costs_module
 from mrmission.minmax.bounds.lanes import lanes_bound
-from mrmission.minmax.costs import LineCosts, line_costs
 from mrmission.minmax.hooks import no_hooks
+from mrmission.minmax.least import least_costs
 from mrmission.minmax.problem import LaneProblem
 from mrmission.minmax.search import tour_cost
 from mrmission.model import CoveragePath, FloatArray
@@ -85,11 +85,13 @@ class Pool:
         self.harbour = Harbour(shapely.box(*low, *high), self.homes_m)
         self.waters = Waters(self.harbour, 0, radius_m, self.time.radius_m)
 
-    def costs(self) -> LineCosts:
-        """What the search and the bound are told."""
-        return line_costs(
-            self.lines, no_hooks(2 * len(self.lines)), self.harbour, self.homes_m,
-            (self.time,) * len(self.homes_m), lanes_alone=False,
+    def least(self) -> LaneProblem:
+        """What the bound is told."""
+        ends = np.array([line.ends_m for line in self.lines]).reshape(-1, 2)
+        return least_costs(
+            self.lines, no_hooks(len(ends)), self.harbour, self.homes_m,
+            (self.time,) * len(self.homes_m), self.harbour.distance_matrix(ends),
+            lanes_alone=False,
         )  # fmt: skip
 
     def turned(self, entries: list[int]) -> CoveragePath:
@@ -192,10 +194,9 @@ def best_makespan(
     return min(longest[pair], whole), abs(longest[pair] / whole - 1)
 
 
-def assert_below(pool: Pool, costs: LineCosts, best: float) -> float:
-    bound = lanes_bound(
-        line_s=costs.least.lane_cost, end_s=costs.least.end_cost, home_s=costs.least.home_cost
-    )
+def assert_below(least: LaneProblem, best: float) -> float:
+    assert least.end_cost is not None
+    bound = lanes_bound(line_s=least.lane_cost, end_s=least.end_cost, home_s=least.home_cost)
     assert bound.makespan_s <= best * (1 + 1e-9)
     return bound.makespan_s / best
 
@@ -208,9 +209,9 @@ def test_never_above_the_best_of_all_turned_tours(monkeypatch: pytest.MonkeyPatc
         pool = Pool(rng, lanes, robots)
         # ways between ends that are not near each other, too
         monkeypatch.setattr(costs_module, "NEAR", 2 if case % 3 == 0 else 12)
-        costs = pool.costs()
-        best, off = best_makespan(pool, ways_of(pool), costs.least)
-        tight.append(assert_below(pool, costs, best))
+        least = pool.least()
+        best, off = best_makespan(pool, ways_of(pool), least)
+        tight.append(assert_below(least, best))
         apart.append(off)
     assert np.mean(tight) > 0.5
     # but where a lane holds no two corners, and a turn hangs on the one before
@@ -225,4 +226,4 @@ def test_never_above_the_best_of_lanes_too_short_to_line_up_with() -> None:
         unit = (short[1] - short[0]) / np.hypot(*(short[1] - short[0]))
         end = short[0] + 0.8 * pool.time.turn_radius_m * unit
         pool.lines = (pool.lines[0], SurveyLine(points_m=np.array([short[0], end])))
-        assert_below(pool, pool.costs(), min(pool.seconds(pool.turned(e)) for e in orders((0, 1))))
+        assert_below(pool.least(), min(pool.seconds(pool.turned(e)) for e in orders((0, 1))))

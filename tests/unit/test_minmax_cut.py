@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from mrmission.options import PlanOptions
 from mrmission.routing.harbour import Harbour
 from mrmission.tour.coverage import Uncovered
 from mrmission.tour.flight import time_model
-from mrmission.tour.lines import lane_lines
+from mrmission.tour.lines import SurveyLine, lane_lines
 from mrmission.tour.sweep import sweep_region
 from mrmission.tour.work import PartWork
 
@@ -83,7 +84,9 @@ def test_as_many_lines_as_can_be_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     assert cut_lines(work).lines == work.lines
 
 
-def _pieces_problem(robots: int, seed: int) -> tuple[LaneProblem, np.ndarray]:
+def _pieces_problem(
+    robots: int, seed: int
+) -> tuple[LaneProblem, np.ndarray, tuple[SurveyLine, ...]]:
     """Parallel lanes, each cut into three pieces."""
     rng = np.random.default_rng(seed)
     lanes = 5
@@ -103,24 +106,30 @@ def _pieces_problem(robots: int, seed: int) -> tuple[LaneProblem, np.ndarray]:
         end_cost=np.hypot(*(ends[:, None] - ends[None]).transpose(2, 0, 1)),
         home_cost=np.hypot(*(homes[:, None] - ends[None]).transpose(2, 0, 1)),
     )
-    return problem, np.repeat(np.arange(lanes), 3)
+    lines = tuple(SurveyLine(points_m=piece) for piece in ends.reshape(-1, 2, 2))
+    return problem, np.repeat(np.arange(lanes), 3), lines
 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_pieces_in_a_row_are_one_line_again_and_tours_cost_the_same(seed: int) -> None:
-    problem, line_of = _pieces_problem(2, seed)
+    problem, line_of, pieces = _pieces_problem(2, seed)
     tours = minmax(problem, 0.02, seed)
-    joined = swept_in_one_go(problem, tours, line_of)
+    lines, ends = swept_in_one_go(pieces, tours, line_of)
+    assert problem.end_cost is not None
+    joined = replace(
+        problem,
+        lane_cost=np.array([line.length_m for line in lines]),
+        home_cost=problem.home_cost[:, ends],
+        end_cost=problem.end_cost[np.ix_(ends, ends)],
+    )
+    whole = np.array([piece.ends_m for piece in pieces]).reshape(-1, 2)
+    assert np.array_equal(whole[ends], np.array([li.ends_m for li in lines]).reshape(-1, 2))
     assert joined.lane_cost.sum() == pytest.approx(problem.lane_cost.sum(), rel=1e-12)
     first = 0
     for robot, entries in enumerate(tours.entries):
         # the joined lines of a robot follow on each other, each from its end 0
         breaks = sum(
-            not (
-                line_of[b >> 1] == line_of[a >> 1]
-                and problem.end_cost is not None
-                and problem.end_cost[a ^ 1, b] < 1e-9
-            )
+            not (line_of[b >> 1] == line_of[a >> 1] and problem.end_cost[a ^ 1, b] < 1e-9)
             for a, b in itertools.pairwise(entries)
         )
         count = breaks + 1
@@ -131,16 +140,17 @@ def test_pieces_in_a_row_are_one_line_again_and_tours_cost_the_same(seed: int) -
 
 
 def test_a_lane_swept_whole_backwards_is_one_line() -> None:
-    problem, line_of = _pieces_problem(1, 0)
+    _, line_of, pieces = _pieces_problem(1, 0)
     back = np.array([2 * i + 1 for i in (2, 1, 0)])  # the first lane from its far end
     rest = np.array([2 * i for i in range(3, 15)])
     tours = LaneTours(entries=(np.concatenate([back, rest]),), cost=np.zeros(1))
-    assert len(swept_in_one_go(problem, tours, line_of).lane_cost) == 5
+    lines, _ = swept_in_one_go(pieces, tours, line_of)
+    assert len(lines) == 5
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_cutting_saves_the_way_back_from_an_arm(seed: int) -> None:
-    problem, _ = _pieces_problem(2, seed)
+    problem, *_ = _pieces_problem(2, seed)
     whole_of = np.arange(0, 30, 6)
     ends = np.stack([whole_of, whole_of + 5], axis=1).ravel()
     assert problem.end_cost is not None

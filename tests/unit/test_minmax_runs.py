@@ -62,9 +62,6 @@ def test_runs_are_counted_at_transit_speed(vehicle: str) -> None:
     own = slice(0, len(plain.lines))
     added = costs[1].problem.lane_cost[own] - costs[0].problem.lane_cost[own]
     assert added == pytest.approx([16.0 / 4.0] * 5, abs=1e-6)
-    # what bounds are made of holds whether a run fits or not
-    assert (costs[1].least.lane_cost <= costs[1].problem.lane_cost + 1e-9).all()
-    assert costs[1].least.lane_cost == pytest.approx(costs[0].least.lane_cost)
 
 
 def test_extra_lines_go_round_land_between_their_points() -> None:

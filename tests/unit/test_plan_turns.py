@@ -15,8 +15,9 @@ import shapely
 from mrmission.area.geojson import read_survey_area
 from mrmission.cli.plan import plan as command
 from mrmission.errors import ConfigError
-from mrmission.minmax.costs import least_lane_s, line_costs
+from mrmission.minmax.costs import line_costs
 from mrmission.minmax.hooks import no_hooks
+from mrmission.minmax.least import least_costs
 from mrmission.model import FleetPlan, LegKind, SurveyArea
 from mrmission.options import PlanOptions
 from mrmission.pipeline import plan
@@ -58,8 +59,8 @@ def test_a_plan_with_a_turn_radius_bends_gently_and_covers_all() -> None:
     assert report.options["turn_radius_m"] == 7.0
     for path in made.paths:
         assert made.region_m.buffer(0.02).covers(shapely.LineString(path.points_m))
-    if report.lanes_bound_s is not None:
-        assert report.lanes_bound_s <= report.makespan_s
+    assert report.lanes_bound_s is not None
+    assert report.lanes_bound_s <= report.makespan_s
     sharp = planned(turn_radius_m=0.0, robots=2)
     assert sharpest_deg(sharp) > 80.0
     assert sharp.report.makespan_s < report.makespan_s
@@ -136,11 +137,12 @@ def test_what_ways_cannot_be_less_than_is_never_more_than_they_cost(radius_m: fl
     hooks = no_hooks(2 * len(lines))
     homes = np.array([[10.0, 10.0]])
     costs = line_costs(lines, hooks, harbour, homes, (time,), lanes_alone=False)
+    least = least_costs(lines, hooks, harbour, homes, (time,), costs.metres, lanes_alone=False)
     own = np.arange(2 * len(lines))
     ways = own[:, None] // 2 != own[None] // 2
-    assert (costs.least.end_cost <= costs.problem.end_cost + 1e-9)[ways].all()
-    assert (costs.least.end_cost < costs.problem.end_cost - 0.5)[ways].any()
-    assert (least_lane_s(lines, time) <= costs.problem.lane_cost + 1e-9).all()
+    assert (least.end_cost <= costs.problem.end_cost + 1e-9)[ways].all()
+    assert (least.end_cost < costs.problem.end_cost - 0.5)[ways].any()
+    assert (least.lane_cost <= costs.problem.lane_cost + 1e-9).all()
 
 
 def test_a_reversal_may_cost_less_than_its_corner() -> None:
@@ -150,11 +152,14 @@ def test_a_reversal_may_cost_less_than_its_corner() -> None:
     homes = np.array([[10.0, 10.0]])
     harbour = Harbour(shapely.box(-50, -200, 320, 200), homes)
     costs = line_costs(lines, no_hooks(6), harbour, homes, (time,), lanes_alone=False)
+    least = least_costs(
+        lines, no_hooks(6), harbour, homes, (time,), costs.metres, lanes_alone=False
+    )
     # from the first lane's top back to the second's, by 174 degrees: a gentler way may do
-    assert costs.least.end_cost[1, 3] < costs.problem.end_cost[1, 3] - 3.0
-    assert costs.least.end_cost[1, 3] >= np.hypot(20, 180) / 2.0
+    assert least.end_cost[1, 3] < costs.problem.end_cost[1, 3] - 3.0
+    assert least.end_cost[1, 3] >= np.hypot(20, 180) / 2.0
     # over to the third by two corners of 90 degrees
-    assert costs.least.end_cost[1, 5] == costs.problem.end_cost[1, 5]
+    assert least.end_cost[1, 5] == costs.problem.end_cost[1, 5]
 
 
 def test_a_real_lake_is_complete_with_a_turn_radius(

@@ -37,7 +37,8 @@ class LanesBound:
         Seconds.
     term
         What it comes from, in words: ``work shared out``, ``connection``, ``reach and connection``,
-        ``arms and connection`` or ``farthest line``.
+        ``arms and connection`` or ``farthest line``; of many lines some end with
+        ``, as the crow flies``.
     """
 
     makespan_s: float
