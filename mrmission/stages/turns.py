@@ -109,6 +109,7 @@ class Turns:
             options.swath_m,
             keep_m=self._keep_m[robot],
             lanes_alone=options.lanes_alone_count,
+            runs=self._runs,
         )
         return turned
 

@@ -26,6 +26,7 @@ from mrmission.tour.path import make_path
 FIT_SHARE, FIT_M = 1.03, 0.05
 """Arcs may need this much more of their legs than there is: rounded coordinates."""
 _STRAIGHT_M = 1e-4
+_ALONG = 1e-6
 _LEAST_BEND_RAD = math.radians(2.0)
 MOST_TRIM = 2.0
 """A turn begins this many radii before the end of a lane at most."""
@@ -106,6 +107,7 @@ def round_transits(
     *,
     keep_m: FloatArray | None = None,
     lanes_alone: bool = False,
+    runs: bool = False,
 ) -> tuple[CoveragePath, FloatArray]:
     """Return the path with its sharp corners turned at the radius, and where that was impossible.
 
@@ -121,6 +123,9 @@ def round_transits(
         (m, 2) points of the path, exact, that it must pass though they lie on transits.
     lanes_alone
         Whether only survey legs cover; a turn that leaves out a part of a lane then is survey.
+    runs
+        Whether the transits that go straight on from lanes are run-ins and run-outs: turns leave
+        them as they are.
 
     Returns
     -------
@@ -132,20 +137,20 @@ def round_transits(
     points = path.points_m
     if len(points) < 3 or not sharp_corners(points, waters).any():
         return path, np.zeros((0, 2))
-    gaps = _gaps(path, waters, swath_m, keep_m)
+    gaps = _gaps(path, waters, swath_m, keep_m, runs)
     lines = _fill(path, gaps, waters)
     out = _without_straight_points(_assemble(path, gaps, lines, waters, lanes_alone), keep_m)
     return out, out.points_m[sharp_corners(out.points_m, waters)]
 
 
 def _gaps(
-    path: CoveragePath, waters: Waters, swath_m: float, keep_m: FloatArray | None
+    path: CoveragePath, waters: Waters, swath_m: float, keep_m: FloatArray | None, runs: bool
 ) -> list[_Gap]:
     """Return the gaps of a path that hold a sharp corner."""
     points = path.points_m
     survey = np.asarray(path.kind) == LegKind.SURVEY
     sharp = sharp_corners(points, waters)
-    fixed = survey.copy()
+    fixed = survey | _straight_on(points, survey) if runs else survey.copy()
     must = np.zeros(len(points), dtype=np.bool_)
     for first, last in _loops(points, survey, sharp, _REACH_SWATHS * swath_m):
         fixed[first:last] = False
@@ -163,6 +168,16 @@ def _gaps(
             inner = tuple((np.flatnonzero(must[a + 1 : b]) + a + 1).tolist())
             out.append(_Gap(first=a, last=b, must=inner))
     return out
+
+
+def _straight_on(points: FloatArray, survey: BoolArray) -> BoolArray:
+    """Return (n - 1,) which legs are transits that go straight on from a lane, or to one."""
+    leg = np.diff(points, axis=0)
+    unit = leg / np.hypot(leg[:, 0], leg[:, 1])[:, None]
+    on = (unit[:-1] * unit[1:]).sum(axis=1) > 1.0 - _ALONG
+    on &= np.abs(unit[:-1, 0] * unit[1:, 1] - unit[:-1, 1] * unit[1:, 0]) < _ALONG
+    out = np.append(False, on & survey[:-1]) | np.append(on & survey[1:], False)
+    return out & ~survey
 
 
 def _among(points: FloatArray, keep_m: FloatArray | None) -> BoolArray:
@@ -216,8 +231,8 @@ def _stretches(fixed: BoolArray, sharp: BoolArray) -> list[tuple[int, int]]:
 def _fill(path: CoveragePath, gaps: Sequence[_Gap], waters: Waters) -> list[FloatArray | None]:
     """Return a way for each gap, from the pose that is left to the one that is reached, or None."""
     points = path.points_m
-    starts = [_end_choices(points, gap.first, -1, waters) for gap in gaps]
-    goals = [_end_choices(points, gap.last, 1, waters) for gap in gaps]
+    starts = [_end_choices(path, gap.first, -1, waters) for gap in gaps]
+    goals = [_end_choices(path, gap.last, 1, waters) for gap in gaps]
     ways = _shortest(path, gaps, waters)
     lines: list[FloatArray | None] = [None] * len(gaps)
     plain = [i for i, gap in enumerate(gaps) if not gap.must and len(ways[i][0]) == 2]
@@ -284,12 +299,13 @@ def _shortest(path: CoveragePath, gaps: Sequence[_Gap], waters: Waters) -> list[
     return [[next(ways) for _ in s[1:]] for s in stops]
 
 
-def _end_choices(points: FloatArray, index: int, side: int, waters: Waters) -> Choices:
+def _end_choices(path: CoveragePath, index: int, side: int, waters: Waters) -> Choices:
     """Return where and in which heading a gap may begin (`side` -1) or end (1).
 
     At home the heading is free. Else it is that of the lane before or behind, at its end, some way
-    beyond it, or before it.
+    beyond it, or before it; a run of its own is not cut short.
     """
+    points = path.points_m
     at = points[index]
     if index in (0, len(points) - 1):
         return _passing(at, waters.harbour.region)
@@ -297,7 +313,8 @@ def _end_choices(points: FloatArray, index: int, side: int, waters: Waters) -> C
     length = float(np.hypot(*leg))
     unit = leg / length
     offset = waters.radius_m * np.array(_OFFSETS)
-    offset = offset[offset >= -_TRIM_SHARE * length]
+    run = path.kind[index - 1 if side < 0 else index] == LegKind.TRANSIT
+    offset = offset[offset >= (0.0 if run else -_TRIM_SHARE * length)]
     # beyond the end of a lane: ahead of it where it is left, behind where it is entered
     place = at - side * offset[:, None] * unit
     free = waters.clear(np.stack([np.broadcast_to(at, place.shape), place], axis=1))

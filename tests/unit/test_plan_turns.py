@@ -24,8 +24,12 @@ from mrmission.pipeline import plan
 from mrmission.results import write_results
 from mrmission.routing.harbour import Harbour
 from mrmission.tour.lines import SurveyLine
+from mrmission.tour.manoeuvre import Waters
+from mrmission.tour.path import assemble_paths
 from mrmission.tour.reversals import reversals
 from mrmission.tour.timing import TimeModel
+from mrmission.tour.turnaround import with_turnarounds
+from mrmission.tour.turning import round_transits
 
 POND = shapely.Polygon([(11.2, 47.8), (11.203, 47.8), (11.203, 47.8015), (11.2, 47.8015)])
 ISLAND = shapely.Polygon([(11.201, 47.8005), (11.2013, 47.8005), (11.2012, 47.8008)])
@@ -187,3 +191,21 @@ def test_a_real_lake_is_complete_with_a_turn_radius(
     longest = max(row["length_m"] for row in report["robots"])
     assert score["longest_m"] == pytest.approx(longest, rel=1e-3)
     assert all((m.kind.count(int(LegKind.SURVEY)) > 0) for m in made.missions)
+
+
+@pytest.mark.parametrize("radius_m", [3.0, 6.0])
+def test_runs_before_and_after_lanes_stay_straight(radius_m: float) -> None:
+    homes = np.array([[10.0, 10.0]])
+    harbour = Harbour(shapely.box(-50, -60, 320, 260), homes)
+    lanes = [np.array([[x, 0.0], [x, 200.0]]) for x in (40.0, 70.0, 100.0)]
+    (path,) = assemble_paths(harbour, [[lanes[0], lanes[1][::-1], lanes[2]]])
+    path = with_turnarounds(path, 15.0, harbour.region, 5.0)
+    turned, sharp = round_transits(path, Waters(harbour, 0, radius_m, 1.0), 30.0, runs=True)
+    assert len(sharp) == 0
+    way = shapely.LineString(turned.points_m).buffer(0.01)
+    for lane in (lanes[0], lanes[1][::-1], lanes[2]):
+        ahead = (lane[1] - lane[0]) / 200.0
+        run = shapely.LineString([lane[0] - 15.0 * ahead, lane[1] + 5.0 * ahead])
+        assert way.covers(run)
+    short, _ = round_transits(path, Waters(harbour, 0, radius_m, 1.0), 30.0)
+    assert shapely.LineString(short.points_m).length < shapely.LineString(turned.points_m).length
