@@ -214,7 +214,7 @@ def choose(
         else f"water is in {len(pieces)} parts that no boat can pass between"
     )
     note = (
-        f"{what} ({listed}): the one with the start is planned; choose one with --part, or plan "
-        "each with its own boats"
+        f"{what} ({listed}): only what a start reaches is planned; choose one with --part, or give "
+        "each a --start of its own"
     )
     return pieces, [note]

@@ -393,7 +393,9 @@ def _of_fleet(file: FleetFile, flags: dict[str, Any]) -> PlanOptions:
             "of the two out"
         )
     top = dict(file.top)
-    shared_start = top.pop("start_lonlat", None)
+    # where no robot has a start of its own, the one at the top is one that all berths lie around
+    own = any("start_lonlat" in table for table in file.tables)
+    shared_start = None if own else top.pop("start_lonlat", None)
     if _is_given("endurance"):
         beside.update({n: flags[n] for n in ("endurance_s", "endurance_m")})
     usual = {n: v for n, v in usual.items() if v is not None}

@@ -164,7 +164,10 @@ class _Finder:
         ]
         on = (size > 0) & (high > low) & (off[0] <= NEAR_M) & (off[1] <= NEAR_M)
         found: dict[tuple[int, int], list[float]] = {}
-        place = np.einsum("ij,ij->i", start - self.a[part], side) / np.where(size > 0, size, 1)
+        # where on the line, from its first end, the nearer end of what lies on it is
+        ends = (start + t[:, None] * unit - self.a[part] for t in (low, high))
+        place = np.minimum(*(np.einsum("ij,ij->i", end, side) for end in ends))
+        place /= np.where(size > 0, size, 1)
         for i in np.flatnonzero(on).tolist():
             key = (int(leg[i]), int(self.owner[part[i]]))
             at = float(self.along[part[i]] + max(0.0, place[i]))

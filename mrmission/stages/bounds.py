@@ -28,8 +28,10 @@ class Bound:
     name: str
 
     def gap(self, makespan_s: float) -> float:
-        """Return makespan over bound, minus 1."""
-        return makespan_s / self.seconds - 1 if self.seconds > 0 else 0.0
+        """Return makespan over bound, minus 1; infinite where the bound says nothing."""
+        if self.seconds <= 0:
+            return math.inf if makespan_s > 0 else 0.0
+        return makespan_s / self.seconds - 1
 
 
 def any_plan_bound(parts: Sequence[PartPlan], coverage: Sequence[Coverage]) -> Bound:

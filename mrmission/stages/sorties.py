@@ -93,7 +93,9 @@ def export_in_sorties(
                 allowed = [min(a, r) for a, r in zip(allowed, room, strict=True)]
                 part = sorties.trips(allowed)
             else:
-                part = sorties.shortened(sorties.complete(part, routes), measured)
+                longer, part = part, sorties.shortened(sorties.complete(part, routes), measured)
+                if len(part.work.robots) == len(longer.work.robots):
+                    break  # none of them can be cut: what covers the rest is too much for one
     except TooFarError as error:
         raise InfeasibleError(explain_too_far(sorties.base, error, frame)) from error
     raise PlanningError(
@@ -186,9 +188,12 @@ class Sorties:
             try:
                 allowed = MARGIN * min(1.0, before / after)
                 out[row] += self.base.cutter(row, path, allowed).trips(2)
-            except TooFarError:
+            except TooFarError as error:
+                # even a piece of it, turned as it is sailed
+                if self.base.used_as_sailed(row, error.trip) > 1.0:
+                    raise
                 # so short they cannot be; in two will do for now
-                out[row] += self.base.cutter(row, path, min(1.0, MARGIN * before)).trips(2)
+                out[row] += self.base.cutter(row, path, 1.0).trips(2)
         return self.base.plan_of(out)
 
     def complete(self, part: PartPlan, routes: Sequence[Route]) -> PartPlan:

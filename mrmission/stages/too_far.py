@@ -30,9 +30,10 @@ def explain_too_far(base: TripWork, error: TooFarError, frame: LocalFrame) -> st
     lon, lat = frame.to_lonlat(place[None])[0]
     where = f"robot {base.work.robots[row]}: the water at {lon:.6f},{lat:.6f}"
     if by_items:
-        need = count_items(gauge.shaped(path).kind, own)
+        need = count_items(base.as_sailed(row, path).kind, own)
+        turns = " with turns of --turn-radius" if base.work.times[row].turn_radius_m > 0 else ""
         return (
-            f"{where} takes {need} mission items there and back, and all must fit into "
+            f"{where} takes {need} mission items there and back{turns}, and all must fit into "
             f"{gauge.allowance.items:.0f}; give a larger --max-items or a nearer --start"
         )
     kept = 1.0 - own.reserve

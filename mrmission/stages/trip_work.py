@@ -9,6 +9,8 @@ from dataclasses import replace
 from mrmission.minmax.trips import Allowance, Gauge, TripCutter, as_it_is
 from mrmission.mission.build import Route
 from mrmission.model import CoveragePath, FloatArray
+from mrmission.stages.turns import Turns
+from mrmission.tour.path import make_path
 from mrmission.tour.turnaround import with_turnarounds
 from mrmission.tour.work import PartPlan, PartWork
 
@@ -63,6 +65,18 @@ class TripWork:
     def fit(self, part: PartPlan, routes: Sequence[Route]) -> bool:
         """Return whether no route uses more than its robot's allowance."""
         return max(self.measured(part, routes)) <= 1.0
+
+    def used_as_sailed(self, row: int, path: CoveragePath) -> float:
+        """Return what a path uses of the allowance of the robot of a row, its turns included."""
+        return replace(self.gauges[row], shaped=as_it_is).used(self.as_sailed(row, path))
+
+    def as_sailed(self, row: int, path: CoveragePath) -> CoveragePath:
+        """Return a path of the robot of a row with its runs, and its arcs if it has a radius."""
+        if self.work.times[row].turn_radius_m <= 0:
+            return self.gauges[row].shaped(path)
+        paths = [make_path(i + 1, home[None], [], []) for i, home in enumerate(self.work.homes_m)]
+        paths[row] = replace(path, robot=row + 1)
+        return Turns(self.work).before_covering(paths)[row]
 
     def full_s(self, row: int) -> float:
         """Return how long a full trip of a robot takes, s."""

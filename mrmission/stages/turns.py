@@ -15,7 +15,7 @@ from mrmission.model import CoveragePath, FloatArray
 from mrmission.routing.berth_water import BerthWater
 from mrmission.tour.manoeuvre import Waters
 from mrmission.tour.reversals import avoid_reversals
-from mrmission.tour.turnaround import with_turnarounds
+from mrmission.tour.turnaround import whole_runs, with_turnarounds
 from mrmission.tour.turning import round_transits
 from mrmission.tour.work import PartWork
 
@@ -45,11 +45,12 @@ class Turns:
             self._waters.append(water)
         self._keep_m: list[FloatArray] = [np.zeros((0, 2)) for _ in work.times]
         self._sharp_m: list[FloatArray] = [np.zeros((0, 2)) for _ in work.times]
+        self._whole_runs: dict[int, tuple[int, int, int]] = {}
 
     def before_covering(self, paths: Sequence[CoveragePath]) -> tuple[CoveragePath, ...]:
         """Return paths as the planner joins them, turned."""
         return tuple(
-            self._rounded(i, self._with_runs(path), None) if self._radius_m(i) > 0 else path
+            self._rounded(i, self._with_runs(i, path), None) if self._radius_m(i) > 0 else path
             for i, path in enumerate(paths)
         )
 
@@ -70,12 +71,33 @@ class Turns:
         return [
             path
             if self._radius_m(i) > 0 or not self._runs
-            else self._gently(i, self._with_runs(path))
+            else self._gently(i, self._with_runs(i, path))
             for i, path in enumerate(paths)
         ]
 
     def notes(self, frame: LocalFrame) -> tuple[str, ...]:
-        """Return what to say about corners that no turn of the radius fits into."""
+        """Return what to say about corners that no turn fits into, and about runs left out."""
+        return (*self._sharp_notes(frame), *self._run_notes())
+
+    def _run_notes(self) -> tuple[str, ...]:
+        if not self._whole_runs:
+            return ()
+        whole_in, whole_out, lines = np.sum(list(self._whole_runs.values()), axis=0).tolist()
+        if min(whole_in, whole_out) == lines:
+            return ()
+        run_in_m, run_out_m = self._work.options.runs_m
+        has = " and ".join(
+            f"{count} of {lines} stretches of lines have the whole {what} of {metres:g} m"
+            for what, metres, count in (
+                ("run-in", run_in_m, whole_in),
+                ("run-out", run_out_m, whole_out),
+            )
+            if metres > 0
+        )
+        why = "there is no more water; --shore-laps makes room at the shore"
+        return (f"{has}: {why}",)
+
+    def _sharp_notes(self, frame: LocalFrame) -> tuple[str, ...]:
         sharp = np.concatenate(self._sharp_m)
         if not len(sharp):
             return ()
@@ -93,9 +115,12 @@ class Turns:
     def _radius_m(self, robot: int) -> float:
         return self._work.times[robot].turn_radius_m
 
-    def _with_runs(self, path: CoveragePath) -> CoveragePath:
+    def _with_runs(self, robot: int, path: CoveragePath) -> CoveragePath:
         run_in_m, run_out_m = self._work.options.runs_m
-        return with_turnarounds(path, run_in_m, self._limits, run_out_m)
+        path = with_turnarounds(path, run_in_m, self._limits, run_out_m)
+        if self._runs:
+            self._whole_runs[robot] = whole_runs(path, run_in_m, run_out_m)
+        return path
 
     def _rounded(self, robot: int, path: CoveragePath, before: CoveragePath | None) -> CoveragePath:
         options, waters = self._work.options, self._waters[robot]

@@ -99,6 +99,37 @@ def with_turnarounds(
     return make_path(path.robot, np.concatenate(out), kinds, lanes)
 
 
+def whole_runs(path: CoveragePath, run_in_m: float, run_out_m: float) -> tuple[int, int, int]:
+    """Return how many stretches of lanes have a whole run-in, a whole run-out, and how many are.
+
+    Parameters
+    ----------
+    path
+        From home to home, with runs.
+    run_in_m, run_out_m
+        What is asked for; none of 0 m is ever short.
+    """
+    leg = np.diff(path.points_m, axis=0)
+    length = np.hypot(leg[:, 0], leg[:, 1])
+    survey = np.asarray(path.kind) == LegKind.SURVEY
+    heads = np.flatnonzero(survey & ~np.append(False, survey[:-1]))
+    tails = np.flatnonzero(survey & ~np.append(survey[1:], False))
+
+    def straight_m(lane: int, run: int) -> float:
+        """Return the length of a leg beside a stretch if it goes straight on, else 0."""
+        if not 0 <= run < len(leg):
+            return 0.0
+        on = float(leg[lane] @ leg[run])
+        return float(length[run]) if on > (1 - 1e-9) * length[lane] * length[run] else 0.0
+
+    enough_in, enough_out = 0.99 * run_in_m, 0.99 * run_out_m
+    return (
+        sum(straight_m(i, i - 1) >= enough_in for i in heads.tolist()),
+        sum(straight_m(i, i + 1) >= enough_out for i in tails.tolist()),
+        len(heads),
+    )
+
+
 def outer_ends(
     ends_m: FloatArray, away: FloatArray, run_m: float, region: shapely.Geometry | None
 ) -> FloatArray:

@@ -220,6 +220,15 @@ def test_a_place_too_far_away_is_named_with_what_would_do() -> None:
         plan(area, wishes(limits=VehicleLimits(mission_items=8)))
 
 
+def test_a_place_whose_turns_take_too_many_items_is_named_with_what_they_take() -> None:
+    few = wishes(limits=VehicleLimits(mission_items=14), turn_radius_m=6.0)
+    with pytest.raises(InfeasibleError) as caught:
+        plan(lake(4), few)
+    found = re.search(r"takes (\d+) mission items .* turns of --turn-radius", str(caught.value))
+    assert found is not None
+    assert int(found[1]) > 14
+
+
 def test_the_least_number_of_trips_of_few_lanes() -> None:
     """No order and direction of whole lanes needs fewer trips than the planner finds."""
     width, height = 99.0, 150.0

@@ -188,6 +188,8 @@ def test_starts_of_the_file(tmp_path: Path) -> None:
     shared = fleet(tmp_path, 'start = "11.2,47.8"\n[[robot]]\ncount = 3')
     assert built("--fleet", str(shared)).starts_lonlat == ((11.2, 47.8),)
     assert built("--fleet", str(shared), "--start", "1,2").starts_lonlat == ((1.0, 2.0),)
+    mixed = fleet(tmp_path, 'start = "11.2,47.8"\n[[robot]]\n[[robot]]\nstart = "11.3,47.9"')
+    assert built("--fleet", str(mixed)).starts_lonlat == ((11.2, 47.8), (11.3, 47.9))
 
 
 def test_flags_alone() -> None:

@@ -87,6 +87,13 @@ def test_a_line_shared_by_robots_is_numbered_along_itself() -> None:
     assert two.lines[0].length_m == pytest.approx(a.length_m, abs=0.05)
 
 
+def test_pieces_swept_away_from_each_other_are_numbered_along_the_line() -> None:
+    up = mission([(5, -9), (0, 80), (0, 200), (5, -9)], [T, S, T], robot=1)
+    down = mission([(5, -9), (0, 80), (0, 0), (5, -9)], [T, S, T], robot=2)
+    one, two = name_lines([up, down], [LANE], FRAME)
+    assert [x.name for x in (*one.lines, *two.lines)] == ["1-2", "1-1"]
+
+
 def test_a_detour_is_an_extra_and_the_line_goes_on() -> None:
     way = [(5, -9), (0, 0), (0, 90), (-12, 90), (0, 90), (0, 200), (5, -9)]
     (m,) = name_lines([mission(way, [T, S, S, S, S, T])], [LANE], FRAME)

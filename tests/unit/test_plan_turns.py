@@ -21,6 +21,7 @@ from mrmission.minmax.least import least_costs
 from mrmission.model import FleetPlan, LegKind, SurveyArea
 from mrmission.options import PlanOptions
 from mrmission.pipeline import plan
+from mrmission.report.units import human_gap
 from mrmission.results import write_results
 from mrmission.routing.harbour import Harbour
 from mrmission.tour.lines import SurveyLine
@@ -52,6 +53,19 @@ def sharpest_deg(made: FleetPlan) -> float:
         bend = np.abs((np.diff(heading) + np.pi) % (2 * np.pi) - np.pi)
         out = max(out, float(np.degrees(bend).max()))
     return out
+
+
+def test_runs_that_have_no_room_are_told() -> None:
+    notes = planned(run_in_m=10.0, run_out_m=3.0).report.notes
+    assert any("have the whole run-in of 10 m" in n and "run-out of 3 m" in n for n in notes)
+    copter = planned(run_in_m=10.0, run_out_m=3.0, vehicle="copter").report.notes
+    assert not any("whole run-in" in note for note in copter)
+
+
+def test_where_a_bound_says_nothing_no_gap_is_known() -> None:
+    report = plan(SMALL, PlanOptions(swath_m=200.0, clearance_m=0.0, time_budget_s=0.0)).report
+    assert report.lower_bound_s == 0.0 < report.makespan_s
+    assert human_gap(report.gap) == "–"
 
 
 def test_a_plan_with_a_turn_radius_bends_gently_and_covers_all() -> None:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from mrmission.model import CoveragePath, LegKind
 from mrmission.tour.path import make_path
-from mrmission.tour.turnaround import with_turnarounds
+from mrmission.tour.turnaround import whole_runs, with_turnarounds
 
 T, S = int(LegKind.TRANSIT), int(LegKind.SURVEY)
 BOX = shapely.box(0, 0, 100, 100)
@@ -45,6 +45,14 @@ def test_on_water_a_run_ends_at_the_shore() -> None:
     path = with_turnarounds(two_lanes(), 50.0, BOX)
     assert path.points_m[[1, 4]].tolist() == [[10, 0], [10, 100]]
     assert BOX.buffer(1e-6).covers(shapely.LineString(path.points_m))
+
+
+def test_whole_runs_are_counted() -> None:
+    assert whole_runs(with_turnarounds(two_lanes(), 15.0, BOX), 15.0, 15.0) == (2, 2, 2)
+    # 20 m of water beyond both ends of both lanes
+    assert whole_runs(with_turnarounds(two_lanes(), 20.0, BOX, 30.0), 20.0, 30.0) == (2, 0, 2)
+    assert whole_runs(two_lanes(), 5.0, 0.0) == (0, 2, 2)
+    assert whole_runs(make_path(1, np.zeros((1, 2)), [], []), 5.0, 5.0) == (0, 0, 0)
 
 
 def test_on_water_a_run_is_left_out_where_the_way_on_would_cross_land() -> None:
