@@ -1,4 +1,4 @@
-"""Regions that hang together: pieces and crossings counted, lanes exchanged at no cost."""
+"""Regions: the pieces of each robot's lanes, and transits through others' lanes, counted."""
 
 from __future__ import annotations
 
@@ -8,8 +8,6 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mrmission.minmax.joining import beside, borders, join_regions
-from mrmission.minmax.problem import LaneProblem, LaneTours, tour_cost
 from mrmission.minmax.regions import (
     connected,
     crossings_m,
@@ -90,57 +88,3 @@ def test_pieces_are_those_of_a_walk(seed: int, count: int) -> None:
                 todo.extend(np.flatnonzero(near[line] & (label < 0)).tolist())
         pieces += 1
     assert found.tolist() == label.tolist()
-
-
-def problem_of(lanes: list[FloatArray], homes: FloatArray) -> LaneProblem:
-    ends = np.concatenate(lanes)
-    return LaneProblem(
-        lane_cost=np.array([np.hypot(*(lane[1] - lane[0])) for lane in lanes]),
-        end_cost=np.hypot(*(ends[:, None] - ends[None]).transpose(2, 0, 1)),
-        home_cost=np.hypot(*(homes[:, None] - ends[None]).transpose(2, 0, 1)),
-    )
-
-
-def tours_of(problem: LaneProblem, entries: list[list[int]]) -> LaneTours:
-    mine = tuple(np.array(e, dtype=np.int64) for e in entries)
-    cost = np.array([tour_cost(problem, r, e) for r, e in enumerate(mine)])
-    return LaneTours(entries=mine, cost=cost)
-
-
-def test_lanes_taken_by_turns_are_sorted_out() -> None:
-    """Two robots that take every other lane end up with one half each, and earlier home."""
-    lanes = lanes_at([20.0 * i for i in range(12)])
-    problem = problem_of(lanes, np.array([[0.0, -20.0], [220.0, -20.0]]))
-    tours = tours_of(problem, [[2 * i + (i // 2) % 2 for i in range(r, 12, 2)] for r in (0, 1)])
-    pairs = beside(lanes, 20.0)
-    assert len(pairs) == 11
-    assert borders(tours.entries, pairs) == 11
-    found = join_regions(problem, tours, pairs)
-    assert borders(found.entries, pairs) == 1
-    assert found.cost.max() <= tours.cost.max()
-
-
-@settings(max_examples=15, deadline=None)
-@given(st.integers(0, 2**32 - 1), st.integers(2, 4), st.integers(4, 24))
-def test_joining_never_costs_the_longest(seed: int, robots: int, count: int) -> None:
-    rng = np.random.default_rng(seed)
-    lanes = [
-        np.array([[x, low], [x, low + rng.uniform(5, 90)]])
-        for x, low in zip(20.0 * rng.integers(0, 8, count), rng.uniform(0, 90, count), strict=True)
-    ]
-    problem = problem_of(lanes, rng.uniform(0, 150, (robots, 2)))
-    order = 2 * rng.permutation(count) + rng.integers(0, 2, count)
-    tours = tours_of(problem, [order[r::robots].tolist() for r in range(robots)])
-    pairs = beside(lanes, 20.0)
-    found = join_regions(problem, tours, pairs)
-    assert sorted(np.concatenate(found.entries) >> 1) == list(range(count))
-    assert found.cost.max() <= tours.cost.max() * (1 + 2e-9)
-    assert [len(e) > 0 for e in found.entries] == [len(e) > 0 for e in tours.entries]
-    for robot, entries in enumerate(found.entries):
-        assert found.cost[robot] == pytest.approx(tour_cost(problem, robot, entries))
-    # fewer borders, or as many and less travel
-    weight = 60.0 / tours.cost.max()
-    before = borders(tours.entries, pairs) + weight * tours.cost.sum()
-    assert borders(found.entries, pairs) + weight * found.cost.sum() <= before + 1e-6
-    again = join_regions(problem, tours, pairs)
-    assert all((a == b).all() for a, b in zip(found.entries, again.entries, strict=True))
