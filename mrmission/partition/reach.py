@@ -35,37 +35,6 @@ _CIRCUMSCRIBED = 1.0 / math.cos(math.pi / (4 * _QUAD_SEGS))
 """By how much a buffer of chords must be wider to hold the round one."""
 
 
-def reach_bound_m(
-    region_m: shapely.Polygon,
-    homes_m: FloatArray,
-    swath_m: float,
-    robots: int,
-    missed_m2: float = 0.0,
-) -> float:
-    """Return a length that the longest of `robots` tours has at least, metres.
-
-    Parameters
-    ----------
-    region_m
-        What is swept, and where boats go.
-    homes_m : (homes, 2) array
-        Where tours begin and end, each at one of them, in the region.
-    swath_m
-        Width of the footprint.
-    robots
-        Number of tours.
-    missed_m2
-        Area of the region that the tours may leave uncovered.
-
-    Returns
-    -------
-    float
-        See the module for the proof.
-    """
-    reach, area_m2 = _reach_of(region_m, homes_m, swath_m)
-    return _largest(reach, area_m2, swath_m * robots, missed_m2)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rover:
     """What bounds how far one robot of a mixed fleet gets.
@@ -173,18 +142,6 @@ def _reach_of(
     reach = router.distances(homes_m[source], centre_m).min(axis=0)
     reach -= half_diagonal_m + swath_m / 2 + radius_m
     return reach, area_m2
-
-
-def _largest(reach_m: FloatArray, area_m2: FloatArray, width_m: float, missed_m2: float) -> float:
-    """Return max over r >= 0 of 2r + (area where reach > r - missed) / width."""
-    order = np.argsort(reach_m)[::-1]
-    beyond = np.cumsum(area_m2[order]) - missed_m2
-    # just below a cell's reach, the cell and all farther ones lie beyond
-    r = reach_m[order]
-    counts = (r > 0) & (beyond > 0)
-    if not counts.any():
-        return 0.0
-    return float(np.max(2 * r[counts] + beyond[counts] / width_m))
 
 
 def _cells(region_m: shapely.Polygon) -> tuple[FloatArray, FloatArray, float]:

@@ -8,7 +8,12 @@ import numpy as np
 import pytest
 import shapely
 
-from mrmission.partition.bound import area_bound_s
+from mrmission.partition.bound import fleet_area_bound_s
+
+
+def area_bound_s(covered_m2: float, swath: float, robots: int, speed: float) -> float:
+    """The bound of robots that are alike."""
+    return fleet_area_bound_s(covered_m2, [swath] * robots, [speed] * robots)
 
 
 def test_a_disc_is_covered_by_a_point() -> None:

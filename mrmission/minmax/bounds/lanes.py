@@ -52,7 +52,6 @@ def lanes_bound(
     home_s: FloatArray,
     sweep_scale: FloatArray | None = None,
     travel_scale: FloatArray | None = None,
-    fixed_s: float = 0.0,
     trip_s: FloatArray | None = None,
     swap_s: FloatArray | None = None,
 ) -> LanesBound:
@@ -69,8 +68,6 @@ def lanes_bound(
         The least seconds between each robot's home and the ends, its own.
     sweep_scale, travel_scale : (robots,) arrays
         What the seconds of lines, and between ends, are multiplied by for each robot; 1 when None.
-    fixed_s
-        What each robot that has work spends besides.
     trip_s : (robots,) array
         How long each robot may be away from home, in its own seconds; as long as it likes when
         None.
@@ -85,7 +82,7 @@ def lanes_bound(
     """
     ends = np.ascontiguousarray(end_s, dtype=np.float64)
     return _bound(
-        line_s, ends, np.zeros((0, 2)), 0.0, home_s, (sweep_scale, travel_scale), fixed_s, None,
+        line_s, ends, np.zeros((0, 2)), 0.0, home_s, (sweep_scale, travel_scale), None,
         (trip_s, swap_s),
     )  # fmt: skip
 
@@ -100,7 +97,6 @@ def many_lanes_bound(
     home_s: FloatArray,
     sweep_scale: FloatArray | None = None,
     travel_scale: FloatArray | None = None,
-    fixed_s: float = 0.0,
 ) -> LanesBound:
     """Return what :func:`lanes_bound` does for more lines than a matrix of all ways can hold.
 
@@ -109,7 +105,7 @@ def many_lanes_bound(
 
     Parameters
     ----------
-    line_s, home_s, sweep_scale, travel_scale, fixed_s
+    line_s, home_s, sweep_scale, travel_scale
         See there.
     ends_m : (2n, 2) array
         Where the ends are.
@@ -127,7 +123,6 @@ def many_lanes_bound(
         slack_s,
         home_s,
         (sweep_scale, travel_scale),
-        fixed_s,
         np.asarray(near, dtype=np.int64)[:, :NEAR],
     )
 
@@ -139,7 +134,6 @@ def _bound(
     slack_s: float,
     home_s: FloatArray,
     scales: tuple[FloatArray | None, FloatArray | None],
-    fixed_s: float,
     near: IntArray | None,
     trips: tuple[FloatArray | None, FloatArray | None] = (None, None),
 ) -> LanesBound:
@@ -165,7 +159,7 @@ def _bound(
     if far > best:
         best, term = far, "farthest line"
     if near is not None and len(line) > MOST_LINES:
-        return LanesBound(makespan_s=fixed_s + fastest * best * (1.0 - MARGIN), term=term)
+        return LanesBound(makespan_s=fastest * best * (1.0 - MARGIN), term=term)
     legs = near_legs(near_ends(end_s) if near is None else near, task)
     if near is not None or task.tours > FEW_TOURS:
         priced_s, deep = prices_makespan(task, legs, SHARES if near is None else MANY)
@@ -176,7 +170,7 @@ def _bound(
         in_arms_s = arms_makespan(task, legs)
         if in_arms_s > best:
             best, term = in_arms_s, "arms and connection"
-    return LanesBound(makespan_s=fixed_s + fastest * best * (1.0 - MARGIN), term=term)
+    return LanesBound(makespan_s=fastest * best * (1.0 - MARGIN), term=term)
 
 
 def divisible_bound(
