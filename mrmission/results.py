@@ -12,7 +12,7 @@ from mrmission.model import FleetPlan
 _OWN = re.compile(r"robot-\d+(-sortie-\d+)?\.(plan|waypoints)")
 
 
-def check_folder(folder: Path, robots: int, overwrite: bool) -> None:
+def check_folder(folder: Path, overwrite: bool) -> None:
     """Refuse a folder that holds a plan already, before any work is done.
 
     Raises

@@ -125,8 +125,9 @@ def _notes(
     if not free.all():
         robots = ", ".join(str(i + 1) for i in np.flatnonzero(~free)[:6])
         more = ", …" if int((~free).sum()) > 6 else ""
+        whose = "the berth of robot" if int((~free).sum()) == 1 else "the berths of robots"
         notes.append(
-            f"the launch circle of {launch_radius_m:g} m around the berth of robot {robots}{more} "
+            f"the launch circle of {launch_radius_m:g} m around {whose} {robots}{more} "
             "reaches onto land: launch exactly at the berth"
         )
     return tuple(notes)

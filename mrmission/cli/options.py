@@ -90,7 +90,7 @@ _PLAN = [
         type=float,
         default=DEFAULT.overlap,
         show_default=True,
-        help="Share of the swath that neighbouring lanes share, 0 to 0.95.",
+        help="Share of the swath that neighbouring lanes share, from 0 to below 0.95.",
     ),
     click.option(
         "--clearance",

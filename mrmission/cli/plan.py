@@ -53,7 +53,7 @@ def plan(
     from mrmission.results import check_folder, write_results
 
     folder = out if out is not None else Path(f"{area.stem}-plan")
-    check_folder(folder, options.robots, overwrite)
+    check_folder(folder, overwrite)
     if figure is not None:
         from mrmission.report.figure import check_figure
 

@@ -131,7 +131,7 @@ def upload(
     if out is not None and not again(out, overwrite):
         from mrmission.results import check_folder
 
-        check_folder(out, options.robots, overwrite)
+        check_folder(out, overwrite)
     survey = read_area(area, resolution, origin, part, islands)
     note = ""
     if not simulate:

@@ -40,7 +40,7 @@ SWAPS_PER_ROUND = 12
 def _apart(
     ux: float, uy: float, vx: float, vy: float, iu: int, iv: int,
     skip0: int, skip1: int, skip2: int,
-    x: FloatArray, y: FloatArray, before: IntArray, after: IntArray, alive: BoolArray,
+    x: FloatArray, y: FloatArray, after: IntArray, alive: BoolArray,
 ) -> bool:  # fmt: skip
     """Whether a new edge uv keeps away from all edges i -> after[i] but the skipped ones.
 
@@ -102,7 +102,7 @@ def _gain(
             return -np.inf
         if not _apart(
             ax, ay, bx, by, first if k == 0 else -1, last if k == count else -1,
-            skip0, skip1, skip2, x, y, before, after, alive,
+            skip0, skip1, skip2, x, y, after, alive,
         ):  # fmt: skip
             return -np.inf
         ax, ay = bx, by
@@ -319,7 +319,7 @@ def _weigh(
 @njit(cache=True, error_model="numpy", no_cpython_wrapper=True)
 def _swap(
     x: FloatArray, y: FloatArray, before: IntArray, after: IntArray, alive: BoolArray,
-    of: IntArray, size: IntArray, fixed: BoolArray, price: FloatArray,
+    of: IntArray, size: IntArray, price: FloatArray,
     wall: tuple[FloatArray, IntArray, IntArray, FloatArray],
     cover: tuple[FloatArray, IntArray, FloatArray], water_weight: float,
     step: FloatArray, swing: FloatArray, head: IntArray, inside: FloatArray,
@@ -493,7 +493,7 @@ def improve_rings(
             most, head, inside, removal, joint, insertion, corner,
         )  # fmt: skip
         gain += _swap(
-            x, y, before, after, alive, of, size, fixed, price, wall, cover, water_weight,
+            x, y, before, after, alive, of, size, price, wall, cover, water_weight,
             step, swing, head, inside, removal, joint, insertion, corner,
         )  # fmt: skip
         if used > limit or gain < 0.3 + 2e-4 * abs(price[alive].sum()):

@@ -216,30 +216,32 @@ def launch_notes(
 def conflict_text(conflict: SeparationConflict) -> str:
     """Return a conflict as one line."""
     a, b = conflict.robots
-    when = f"{_clock(conflict.from_s)} and {_clock(conflict.to_s)}"
+    first, last = _clock(conflict.from_s), _clock(conflict.to_s)
+    when = f"between {first} and {last}" if first != last else f"about {first}"
     return (
         f"robots {a} and {b} may come within {conflict.least_m:.0f} m of each other near "
-        f"{_lonlat(conflict.lonlat)} between {when} after the start "
+        f"{_lonlat(conflict.lonlat)} {when} after the start "
         f"(chance {human_chance(conflict.chance)})"
     )
 
 
 def _order_notes(rows: Mapping[int, RobotReport], waits: bool) -> list[str]:
     """Say in which order, and when, the robots start; nothing without delays."""
-    late = [row for row in rows.values() if row.start_delay_s > 0]
-    if not late:
+    if not any(row.start_delay_s > 0 for row in rows.values()):
         return []
     ends = [row.duration_s + row.start_delay_s for row in rows.values()]
     later_s = max(ends) - max(row.duration_s for row in rows.values())
     queue = sorted((r for r in rows.values() if r.lanes), key=lambda r: (r.start_delay_s, r.robot))
     first = [str(r.robot) for r in queue if r.start_delay_s == 0]
-    then = [f"robot {r.robot} after {r.start_delay_s:.0f} s" for r in queue if r.start_delay_s > 0]
+    late = [r for r in queue if r.start_delay_s > 0]
+    then = [f"robot {r.robot} after {r.start_delay_s:.0f} s" for r in late]
     later = f"{later_s:.0f} s later" if later_s >= 0.5 else "no later"
     if waits:
+        wait = [f"robot {r.robot} for {r.start_delay_s:.0f} s" for r in late]
         return [
             (
                 f"start all missions at once: they wait at their berths, robot"
-                f"{'s' * (len(first) > 1)} {_some(first)} not at all, {_some(then)}; "
+                f"{'s' * (len(first) > 1)} {_some(first)} not at all, {_some(wait)}; "
                 f"the last one is home {later} for it"
             )
         ]

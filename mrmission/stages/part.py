@@ -58,7 +58,7 @@ def plan_part(
     """
     tolerance_m = leg_tolerance_m(options.swath_m)
     spacing = widest_spacing_m(options.swath_m, options.overlap, tolerance_m)
-    homes = _homes(part, water, starts_m, robots, options, spacing, notes)
+    homes = _homes(part, water, starts_m, robots, options, notes)
     own_times = tuple(times[r - 1] for r in robots)
     harbour = Harbour(part, homes)
 
@@ -131,7 +131,6 @@ def _homes(
     starts_m: FloatArray,
     robots: tuple[int, ...],
     options: PlanOptions,
-    spacing: float,
     notes: list[str],
 ) -> FloatArray:
     """Return (robots, 2) where each robot starts: at its own start, or side by side at one."""

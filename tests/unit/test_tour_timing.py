@@ -12,7 +12,7 @@ import shapely
 from mrmission.calibrate.table import markdown
 from mrmission.errors import InputError
 from mrmission.model import FloatArray, LegKind
-from mrmission.partition.bound import area_bound_s
+from mrmission.partition.bound import fleet_area_bound_s
 from mrmission.tour.time_table import (
     ChainCost,
     CornerCost,
@@ -176,7 +176,7 @@ def test_no_path_beats_the_area_bound(table: TimeTable | None) -> None:
         points = path(*itertools.chain(*zip(turns, legs, strict=True)))
         kind = rng.integers(0, 2, len(points) - 1).astype(np.int8)
         covered = shapely.linestrings(points).buffer(swath / 2, quad_segs=64).area
-        bound = area_bound_s(covered, swath, 1, time.top_speed_m_s)
+        bound = fleet_area_bound_s(covered, [swath], [time.top_speed_m_s])
         taken = time.duration_s(points, kind)
         assert taken >= bound - 1e-9
         closest = min(closest, taken / bound)
