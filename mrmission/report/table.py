@@ -75,9 +75,11 @@ class FleetTable:
         several = any(len(row.sorties) > 1 for row in report.robots)
         if several:
             robots.add_column("trips", justify="right", no_wrap=True)
-        for name in ("lanes", "items", "survey", "transit", "length", "time"):
-            robots.add_column(name, justify="right", no_wrap=True)
         fenced = any(row.fence_points for row in report.robots)
+        parts = wide or not (several and fenced)  # trips and fences leave no room for them
+        lengths = ("survey", "transit", "length") if parts else ("length",)
+        for name in ("lanes", "items", *lengths, "time"):
+            robots.add_column(name, justify="right", no_wrap=True)
         if fenced:
             robots.add_column("fence", justify="right")
         longest_s = max((row.duration_s for row in report.robots), default=0.0)
@@ -91,9 +93,7 @@ class FleetTable:
             cells += [
                 Text(str(row.lanes) if row.lanes else "no work"),
                 Text(str(row.items)),
-                Text(human_length(row.survey_m)),
-                Text(human_length(row.transit_m)),
-                Text(human_length(row.length_m)),
+                *(Text(human_length(getattr(row, f"{name}_m"))) for name in lengths),
                 Text(human_duration(row.duration_s)),
             ]
             if fenced:

@@ -57,6 +57,24 @@ def test_table_fits_any_terminal(width):
         assert units.human_lonlat(*row.start_lonlat) in " ".join(text.split())
 
 
+@pytest.mark.parametrize("width", [80, 200])
+def test_trips_and_fences_fit_beside_each_other(width):
+    plan = make_plan(robots=2)
+    rows = tuple(
+        dataclasses.replace(
+            row, sorties=2 * row.trips, fence_points=81, length_m=45_670.0, survey_m=30_000.0,
+            transit_m=15_670.0, duration_s=40_000.0,
+        )
+        for row in plan.report.robots
+    )  # fmt: skip
+    plan = dataclasses.replace(plan, report=dataclasses.replace(plan.report, robots=rows))
+    lines = rendered(plan, width=width).splitlines()
+    (line,) = [entry for entry in lines if "■ 2 " in entry]
+    for text in ("81 pts", units.human_length(45_670.0), units.human_duration(40_000.0)):
+        assert text in line
+    assert (units.human_length(15_670.0) in line) == (width > 80)
+
+
 def test_longest_robot_is_marked():
     plan = make_plan(robots=3)
     stream = io.StringIO()
