@@ -97,7 +97,8 @@ def least_costs(
     for time in distinct_times(times):
         at = times.index(time)
         np.minimum(lane_s, least_lanes_s(lines, time) / sweep_scale[at], out=lane_s)
-        own_s = _any_way_s(metres, ends, 1.0 / way_speed_m_s(time), gain_s(time), bends_s(time))
+        speed_m_s = way_speed_m_s(time, lanes_alone=lanes_alone)
+        own_s = _any_way_s(metres, ends, 1.0 / speed_m_s, gain_s(time), bends_s(time))
         if time.turn_radius_m <= 0 and not runs:
             laid_s = _laid_s(near, lines, hooks, time, lanes_alone)
             laid_s = np.maximum(laid_s, own_s[first, last])
@@ -106,7 +107,9 @@ def least_costs(
     return LaneProblem(
         lane_cost=lane_s,
         end_cost=way_s,
-        home_cost=least_home_s(harbour.distances(homes_m, ends), ends, homes_m, times),
+        home_cost=least_home_s(
+            harbour.distances(homes_m, ends), ends, homes_m, times, lanes_alone=lanes_alone
+        ),
         sweep_scale=sweep_scale,
         travel_scale=travel_scale,
     )
@@ -137,7 +140,12 @@ def _gained_inside_s(line: SurveyLine, time: TimeModel) -> float:
 
 
 def least_home_s(
-    metres: FloatArray, ends: FloatArray, homes_m: FloatArray, times: tuple[TimeModel, ...]
+    metres: FloatArray,
+    ends: FloatArray,
+    homes_m: FloatArray,
+    times: tuple[TimeModel, ...],
+    *,
+    lanes_alone: bool,
 ) -> FloatArray:
     """Return (robots, ends) what ways home take at least, each robot's in its own seconds.
 
@@ -149,12 +157,15 @@ def least_home_s(
         (ends, 2), (robots, 2) from where to where they lead.
     times
         How long each robot takes.
+    lanes_alone
+        Whether ways cover nothing.
     """
     out = np.empty_like(metres)
     for robot, time in enumerate(times):
         direct = np.hypot(*(ends - homes_m[robot]).T)
         around = metres[robot] > AROUND * direct + AROUND_M
-        seconds = metres[robot] / way_speed_m_s(time) - 0.5 * gain_s(time)
+        seconds = metres[robot] / way_speed_m_s(time, lanes_alone=lanes_alone)
+        seconds -= 0.5 * gain_s(time)
         seconds -= np.where(around, bends_s(time), 0.0)
         out[robot] = np.maximum(seconds, 0.0) + 0.5 * ends_s(time)
     return out
@@ -170,7 +181,7 @@ def gain_s(time: TimeModel) -> float:
     swept = time.most_gain_s(sweep, sweep)  # where a way begins with a hook that is swept
     left = max(time.most_gain_s(sweep, way), swept)
     entered = max(time.most_gain_s(way, sweep), swept)
-    return left + entered + 2 * MOST_TRIM * time.turn_radius_m / way_speed_m_s(time)
+    return left + entered + 2 * MOST_TRIM * time.turn_radius_m / time.top_speed_m_s
 
 
 def bends_s(time: TimeModel) -> float:
@@ -179,12 +190,14 @@ def bends_s(time: TimeModel) -> float:
     return BENDS * max(time.most_gain_s(kind, kind) for kind in kinds)
 
 
-def way_speed_m_s(time: TimeModel) -> float:
+def way_speed_m_s(time: TimeModel, *, lanes_alone: bool) -> float:
     """Return the speed that no way between lanes goes beyond.
 
-    With a turn radius a lane goes on to the first corner of the turn, at survey speed.
+    Hooks are swept where ways cover nothing, and with a turn radius a lane goes on to the first
+    corner of the turn: both at survey speed.
     """
-    return time.top_speed_m_s if time.turn_radius_m > 0 else time.transit_speed_m_s
+    swept = lanes_alone or time.turn_radius_m > 0
+    return time.top_speed_m_s if swept else time.transit_speed_m_s
 
 
 def _laid_s(

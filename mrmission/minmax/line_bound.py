@@ -83,11 +83,12 @@ def bound_of_many_lines(
         The nearest ends of other lines, or some that are near.
     """
     ends = ends_of(lines).reshape(-1, 2)
+    alone = work.options.lanes_alone_count
     sweep_scale, travel_scale = speed_scales(work.times)
     speed, slack, line_s = 0.0, 0.0, np.full(len(lines), np.inf)
     for time in distinct_times(work.times):
         at = work.times.index(time)
-        speed = max(speed, way_speed_m_s(time) * travel_scale[at])
+        speed = max(speed, way_speed_m_s(time, lanes_alone=alone) * travel_scale[at])
         slack = max(slack, gain_s(time) / travel_scale[at])
         np.minimum(line_s, least_lanes_s(lines, time) / sweep_scale[at], out=line_s)
     metres = work.harbour.distances(work.homes_m, ends)
@@ -97,7 +98,7 @@ def bound_of_many_lines(
         near=near,
         speed_m_s=speed,
         slack_s=slack,
-        home_s=least_home_s(metres, ends, work.homes_m, work.times),
+        home_s=least_home_s(metres, ends, work.homes_m, work.times, lanes_alone=alone),
         sweep_scale=sweep_scale,
         travel_scale=travel_scale,
     )
