@@ -162,12 +162,12 @@ def _bound(
         return LanesBound(makespan_s=fastest * best * (1.0 - MARGIN), term=term)
     legs = near_legs(near_ends(end_s) if near is None else near, task)
     if near is not None or task.tours > FEW_TOURS:
-        priced_s, deep = prices_makespan(task, legs, SHARES if near is None else MANY)
+        priced_s, deep = prices_makespan(task, legs, SHARES if near is None else MANY, best)
         if priced_s > best:
             best, term = priced_s, "reach and connection" if deep else "connection"
             term += "" if near is None else ", as the crow flies"
     if near is None:
-        in_arms_s = arms_makespan(task, legs)
+        in_arms_s = arms_makespan(task, legs, best)
         if in_arms_s > best:
             best, term = in_arms_s, "arms and connection"
     return LanesBound(makespan_s=fastest * best * (1.0 - MARGIN), term=term)

@@ -37,6 +37,8 @@ MOST_STEPS = 150_000
 """Rounds of more lines have fewer steps: so many lines times steps."""
 TRIES = (2, 6)
 """How often a makespan is lowered until all legs prove it: between rounds, after the last."""
+MOST_GAIN = 1.25
+"""What later rounds make of the first: at most 1.22 times as much, on 84 problems of lakes."""
 FOLLOW = 3.0
 """Depths move so many times as far as charges do."""
 
@@ -53,7 +55,7 @@ class _Proof:
 
 
 def prices_makespan(
-    task: Task, legs: Legs, shares: tuple[tuple[float, float], ...]
+    task: Task, legs: Legs, shares: tuple[tuple[float, float], ...], known: float = 0.0
 ) -> tuple[float, bool]:
     """Return a makespan, in the task's seconds, below which no plan is, and whether depths matter.
 
@@ -65,6 +67,8 @@ def prices_makespan(
         Those to be looked at first.
     shares
         Depths to begin with: which share of a line's seconds it goes deeper by, a factor on all.
+    known
+        A makespan that is proven already: what will hardly be more is not looked for further.
     """
     step_s = usual_leg_s(legs, task)
     charge = np.full(len(task.home_s), step_s / 4)
@@ -73,7 +77,8 @@ def prices_makespan(
         depth = factor * kernels.depths(task.line_s, task.table, task.home_s, share)
         tried.append(_climb(task, _Proof(0.0, charge, depth, no_covers(), legs), step_s, TRIAL))
     proof = max(tried, key=lambda found: found.makespan)
-    proof = _climb(task, proof, step_s, POLISH if len(task.end_s) else POLISH[::2])
+    if MOST_GAIN * proof.makespan > known:
+        proof = _climb(task, proof, step_s, POLISH if len(task.end_s) else POLISH[::2])
     return proof.makespan, bool(proof.depth.max() > 0)
 
 
