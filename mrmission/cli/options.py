@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 import click
 from click.core import ParameterSource
 
+from mrmission import quantity
 from mrmission.cli.separation_options import SEPARATION, read_separation_flags
 from mrmission.cli.survey_options import SURVEY, read_survey_flags
 from mrmission.errors import ConfigError
@@ -57,6 +58,21 @@ class LonLat(click.ParamType[tuple[float, float]]):
         return lon, lat
 
 
+class Share(click.ParamType[float]):
+    """A share of 1, ``0.1`` or ``10%``."""
+
+    name = "share"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        """Parse a number, or per cent."""
+        try:
+            return quantity.share(value)
+        except ValueError:
+            self.fail(f"{value!r} is not a share: a number from 0 to 1, or per cent", param, ctx)
+
+
 _AREA = [
     click.argument("area", type=click.Path(path_type=Path)),
     click.option(
@@ -87,7 +103,7 @@ _PLAN = [
     ),
     click.option(
         "--overlap",
-        type=float,
+        type=Share(),
         default=DEFAULT.overlap,
         show_default=True,
         help="Share of the swath that neighbouring lanes share, from 0 to below 0.95.",

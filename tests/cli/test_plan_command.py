@@ -132,6 +132,8 @@ def test_the_area_itself_is_never_removed(lake: Path) -> None:
         (["--swath", "nan"], 2, "--swath"),
         (["--swath", "-3"], 2, "--swath"),
         (["--overlap", "1"], 2, "--overlap"),
+        (["--overlap", "100%"], 2, "--overlap"),
+        (["--overlap", "much"], 2, "is not a share"),
         (["--clearance", "-1"], 2, "--clearance"),
         (["--angle", "inf"], 2, "--angle"),
         (["--start", "8.4"], 2, "--start"),
