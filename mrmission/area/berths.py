@@ -123,9 +123,10 @@ def _notes(
             "start; launch the boats one after the other"
         )
     if not free.all():
-        robots = ", ".join(str(i + 1) for i in np.flatnonzero(~free)[:6])
-        more = ", …" if int((~free).sum()) > 6 else ""
-        whose = "the berth of robot" if int((~free).sum()) == 1 else "the berths of robots"
+        blocked = np.flatnonzero(~free)
+        robots = ", ".join(str(i + 1) for i in blocked[:6])
+        more = ", …" if len(blocked) > 6 else ""
+        whose = "the berth of robot" if len(blocked) == 1 else "the berths of robots"
         notes.append(
             f"the launch circle of {launch_radius_m:g} m around {whose} {robots}{more} "
             "reaches onto land: launch exactly at the berth"

@@ -403,15 +403,15 @@ def _of_fleet(file: FleetFile, flags: dict[str, Any]) -> PlanOptions:
     if "robots" in given:
         beside["robots"] = flags["robots"]
     starts = flags["starts_lonlat"]
-    if starts and any("start_lonlat" in table for table in file.tables):
+    own_starts = any("start_lonlat" in table for table in file.tables)
+    if starts and own_starts:
         raise ConfigError(
             f"--start and --fleet {file.path}: robots of the file have their own start; leave one "
             "of the two out"
         )
     top = dict(file.top)
     # where no robot has a start of its own, the one at the top is one that all berths lie around
-    own = any("start_lonlat" in table for table in file.tables)
-    shared_start = None if own else top.pop("start_lonlat", None)
+    shared_start = None if own_starts else top.pop("start_lonlat", None)
     if _is_given("endurance"):
         beside.update({n: flags[n] for n in ("endurance_s", "endurance_m")})
     usual = {n: v for n, v in usual.items() if v is not None}

@@ -30,8 +30,6 @@ STUB_M = 1000.0
 FAR_M = 1e5
 """Distance between chains of legs that are priced in one go."""
 ANGLES = 181
-MARK_S = 1000.0
-"""Seconds that mark a reversal."""
 BENT = 1.02
 """A way this many times as long as the straight one does not begin in its direction."""
 
@@ -100,15 +98,6 @@ def line_costs(
     return LineCosts(problem=problem, metres=metres)
 
 
-def distinct_times(times: tuple[TimeModel, ...]) -> list[TimeModel]:
-    """Return the times of robots that differ from each other, the first robot's first."""
-    out: list[TimeModel] = []
-    for time in times:
-        if time not in out:
-            out.append(time)
-    return out
-
-
 def speed_scales(times: tuple[TimeModel, ...]) -> tuple[FloatArray, FloatArray]:
     """Return (robots,) how many times as long as the first each robot sweeps, and travels."""
     sweep = [times[0].survey_speed_m_s / time.survey_speed_m_s for time in times]
@@ -118,16 +107,21 @@ def speed_scales(times: tuple[TimeModel, ...]) -> tuple[FloatArray, FloatArray]:
 
 def outward(lines: tuple[SurveyLine, ...]) -> FloatArray:
     """Return (2 · lines, 2) unit vectors out of the lines at their ends; 0 for a mere point."""
+    legs = end_legs_m(lines)
+    length = np.hypot(legs[:, 0], legs[:, 1])
+    return legs / np.where(length > 0, length, 1.0)[:, None]
+
+
+def end_legs_m(lines: tuple[SurveyLine, ...]) -> FloatArray:
+    """Return (2 · lines, 2) the last legs of the lines at their ends, as vectors out of them."""
     if not lines:
         return np.zeros((0, 2))
-    legs = np.array(
+    return np.array(
         [
             (line.points_m[0] - line.points_m[1], line.points_m[-1] - line.points_m[-2])
             for line in lines
         ]
     ).reshape(-1, 2)
-    length = np.hypot(legs[:, 0], legs[:, 1])
-    return legs / np.where(length > 0, length, 1.0)[:, None]
 
 
 def chosen_pairs(metres: FloatArray) -> tuple[IntArray, IntArray]:

@@ -24,9 +24,8 @@ from numba import njit
 from mrmission.minmax.costs import (
     NearWays,
     chosen_pairs,
-    distinct_times,
+    end_legs_m,
     ends_s,
-    near_seconds,
     near_ways,
     outward,
     speed_scales,
@@ -90,22 +89,19 @@ def least_costs(
     """
     ends = ends_of(lines).reshape(-1, 2)
     sweep_scale, travel_scale = speed_scales(times)
-    lane_s = np.full(len(lines), np.inf)
     way_s = np.full_like(metres, np.inf)
     first, last = chosen_pairs(metres)
     near = near_ways(ends, first, last, metres[first, last], harbour)
-    for time in distinct_times(times):
-        at = times.index(time)
-        np.minimum(lane_s, least_lanes_s(lines, time) / sweep_scale[at], out=lane_s)
+    for time, _, travel in kinds_of(times):
         speed_m_s = way_speed_m_s(time, lanes_alone=lanes_alone)
         own_s = _any_way_s(metres, ends, 1.0 / speed_m_s, gain_s(time), bends_s(time))
         if time.turn_radius_m <= 0 and not runs:
             laid_s = _laid_s(near, lines, hooks, time, lanes_alone)
             laid_s = np.maximum(laid_s, own_s[first, last])
             own_s[first, last] = own_s[last, first] = laid_s
-        np.minimum(way_s, own_s / travel_scale[at], out=way_s)
+        np.minimum(way_s, own_s / travel, out=way_s)
     return LaneProblem(
-        lane_cost=lane_s,
+        lane_cost=least_lanes_s(lines, times),
         end_cost=way_s,
         home_cost=least_home_s(
             harbour.distances(homes_m, ends), ends, homes_m, times, lanes_alone=lanes_alone
@@ -115,7 +111,24 @@ def least_costs(
     )
 
 
-def least_lanes_s(lines: tuple[SurveyLine, ...], time: TimeModel) -> FloatArray:
+def kinds_of(times: tuple[TimeModel, ...]) -> list[tuple[TimeModel, float, float]]:
+    """Return each kind of vehicle once, with how many times the first's seconds it takes.
+
+    That is for sweeping and for travel, as :func:`~mrmission.minmax.costs.speed_scales` has them.
+    """
+    out: list[tuple[TimeModel, float, float]] = []
+    for time, sweep, travel in zip(times, *speed_scales(times), strict=True):
+        if all(time != other for other, _, _ in out):
+            out.append((time, float(sweep), float(travel)))
+    return out
+
+
+def least_lanes_s(lines: tuple[SurveyLine, ...], times: tuple[TimeModel, ...]) -> FloatArray:
+    """Return (lines,) what sweeping each line takes any robot at least, in the first's seconds."""
+    return np.min([_own_lanes_s(lines, time) / sweep for time, sweep, _ in kinds_of(times)], axis=0)
+
+
+def _own_lanes_s(lines: tuple[SurveyLine, ...], time: TimeModel) -> FloatArray:
     """Return (lines,) what sweeping each line takes at least, what its corners gain taken off.
 
     With a turn radius that is without what turns may leave out at its ends, and nothing for a line
@@ -208,12 +221,11 @@ def _laid_s(
     lanes_alone: bool,
 ) -> FloatArray:
     """Return what near ways take at least as they are laid, in either direction."""
-    points = [line.points_m for line in lines]
-    leg_m = np.array([(p[:2], p[-2:]) for p in points]).reshape(-1, 2, 2)
-    short = np.hypot(*(leg_m[:, 1] - leg_m[:, 0]).T) < time.long_leg_m
+    out = outward(lines)
+    short = np.hypot(*end_legs_m(lines).T) < time.long_leg_m
     return np.minimum(
-        _gentle_s(near, lines, short, hooks, time, lanes_alone),
-        _gentle_s(_backwards(near), lines, short, hooks, time, lanes_alone),
+        _gentle_s(near, out, short, hooks, time, lanes_alone),
+        _gentle_s(_backwards(near), out, short, hooks, time, lanes_alone),
     )
 
 
@@ -231,7 +243,7 @@ def _backwards(near: NearWays) -> NearWays:
 
 def _gentle_s(
     near: NearWays,
-    lines: tuple[SurveyLine, ...],
+    out: FloatArray,
     short: BoolArray,
     hooks: Hooks,
     time: TimeModel,
@@ -244,11 +256,11 @@ def _gentle_s(
     up to three gentler corners, which also changes the one behind it
     (:mod:`mrmission.minmax.gentle`).
     """
-    ends, out = ends_of(lines).reshape(-1, 2), outward(lines)
-    near_s = near_seconds(near, ends, out, hooks, time, lanes_alone)
+    ways = hooked_ways(near.first, near.last, near.start, near.points_m, hooks, always=lanes_alone)
+    leave, enter = out[near.first], -out[near.last]
+    near_s = ways_s(ways, leave, enter, time, lanes_alone=lanes_alone)
     if not len(near_s):
         return near_s
-    ways = hooked_ways(near.first, near.last, near.start, near.points_m, hooks, always=lanes_alone)
     begin = ways.start[:-1]
     leg_m = np.hypot(*(ways.points_m[begin + 1] - ways.points_m[begin]).T)
     beside = short[near.first] | short[near.last]
@@ -256,7 +268,6 @@ def _gentle_s(
     if time.steering != "steered":
         return near_s - row_s
     marked = time.with_reversals_marked(REVERSAL_DEG, MARK_S)
-    leave, enter = out[near.first], -out[near.last]
     seconds = ways_s(ways, leave, enter, marked, lanes_alone=lanes_alone)
     count = np.round(np.maximum(seconds - near_s, 0.0) / MARK_S)
     # a reversal, the corner behind it and the short leg between the two: all that can become less

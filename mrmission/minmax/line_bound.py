@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
 from mrmission.minmax.bounds.lanes import LanesBound, lanes_bound, many_lanes_bound
 from mrmission.minmax.bounds.parts import NEAR
-from mrmission.minmax.costs import distinct_times, speed_scales
+from mrmission.minmax.costs import speed_scales
 from mrmission.minmax.hooks import Hooks, no_hooks
 from mrmission.minmax.least import (
     gain_s,
+    kinds_of,
     least_costs,
     least_home_s,
     least_lanes_s,
@@ -85,19 +85,14 @@ def bound_of_many_lines(
     ends = ends_of(lines).reshape(-1, 2)
     alone = work.options.lanes_alone_count
     sweep_scale, travel_scale = speed_scales(work.times)
-    speed, slack, line_s = 0.0, 0.0, np.full(len(lines), np.inf)
-    for time in distinct_times(work.times):
-        at = work.times.index(time)
-        speed = max(speed, way_speed_m_s(time, lanes_alone=alone) * travel_scale[at])
-        slack = max(slack, gain_s(time) / travel_scale[at])
-        np.minimum(line_s, least_lanes_s(lines, time) / sweep_scale[at], out=line_s)
+    kinds = kinds_of(work.times)
     metres = work.harbour.distances(work.homes_m, ends)
     return many_lanes_bound(
-        line_s=line_s,
+        line_s=least_lanes_s(lines, work.times),
         ends_m=ends,
         near=near,
-        speed_m_s=speed,
-        slack_s=slack,
+        speed_m_s=max(way_speed_m_s(t, lanes_alone=alone) * travel for t, _, travel in kinds),
+        slack_s=max(gain_s(time) / travel for time, _, travel in kinds),
         home_s=least_home_s(metres, ends, work.homes_m, work.times, lanes_alone=alone),
         sweep_scale=sweep_scale,
         travel_scale=travel_scale,
@@ -120,14 +115,7 @@ def trips_bound(work: PartWork, paths: Sequence[CoveragePath]) -> LanesBound | N
         For robots that come home in time, as their endurance asks for, with the time that they
         spend there; an endurance in metres is not counted. None where nothing is swept.
     """
-    first = [work.robots.index(robot) for robot in dict.fromkeys(work.robots)]
-    once = replace(
-        work,
-        robots=tuple(work.robots[i] for i in first),
-        homes_m=work.homes_m[first],
-        harbour=work.harbour.shared(first),
-        times=tuple(work.times[i] for i in first),
-    )
+    once = work.of_rows([work.robots.index(robot) for robot in dict.fromkeys(work.robots)])
     lines = lines_swept(paths, work.lines)
     if not lines:
         return None

@@ -107,7 +107,7 @@ def _bound_of(ready: Prepared, tours: LaneTours, work: PartWork) -> Callable[[],
 
     It keeps what it needs of all ways, and no more.
     """
-    if len(set(work.robots)) < len(work.robots):  # planned as robots of their own
+    if work.in_trips:  # planned as robots of their own
         return None
     if ready.beyond is not None:
         near = ready.beyond.near.astype(np.int64)

@@ -31,17 +31,12 @@ def part_costs(lines: tuple[SurveyLine, ...], hooks: Hooks, work: PartWork) -> L
         The part.
     """
     alone = work.options.lanes_alone_count
-    plain = line_costs(lines, hooks, work.harbour, work.homes_m, work.times, lanes_alone=alone)
-    if max(work.options.runs_m) <= 0:
-        return plain
     longer, extra_s = priced(lines, work)
-    problem = plain.problem
-    if longer is not lines:
-        problem = line_costs(
-            longer, hooks, work.harbour, work.homes_m, work.times, lanes_alone=alone
-        ).problem
-    problem = replace(problem, lane_cost=problem.lane_cost + extra_s)
-    return LineCosts(problem=problem, metres=plain.metres)
+    costs = line_costs(longer, hooks, work.harbour, work.homes_m, work.times, lanes_alone=alone)
+    if longer is not lines:  # bounds are those of the lines without their runs
+        costs = replace(costs, metres=work.harbour.distance_matrix(ends_of(lines).reshape(-1, 2)))
+    problem = costs.problem
+    return replace(costs, problem=replace(problem, lane_cost=problem.lane_cost + extra_s))
 
 
 def priced(

@@ -77,7 +77,7 @@ def sparse_line_costs(
     time = times[0]
     travel = travel_between(harbour, ends, dense_ends=0)
     arrays = _arrays_of(travel)
-    _, _, start, other, _, _ = arrays
+    start, other = arrays[2:4]
     hook_s = _mean_hook_s(ends, out, hooks, time, lanes_alone)
     table, mean = _corner_table(time)
     rest = np.array([mean, 1.0 / time.transit_speed_m_s, BENT])

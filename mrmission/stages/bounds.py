@@ -58,7 +58,7 @@ def _lanes_bound(part: PartPlan) -> LanesBound | None:
     """Return the bound for a part's lines; trips sweep others than the tours they were made of."""
     if part.tours.lanes_bound is None:
         return None
-    if len(set(part.work.robots)) < len(part.work.robots):
+    if part.work.in_trips:
         return trips_bound(part.work, part.tours.paths)
     return part.tours.lanes_bound()
 

@@ -118,7 +118,7 @@ class TripSearch:
         options = self._base.work.options
         weights = self._weights(counts)[owners]
         work = replace(
-            self._base.work_of(owners),
+            self._base.work.of_rows(owners),
             lines=lines,
             weights=None if np.all(weights == 1.0) else weights,
             options=replace(options, time_budget_s=budget_share * options.time_budget_s),

@@ -10,7 +10,6 @@ from mrmission.minmax.trips import Allowance, Gauge, TripCutter, as_it_is
 from mrmission.mission.build import Route
 from mrmission.model import CoveragePath, FloatArray
 from mrmission.stages.turns import Turns
-from mrmission.tour.path import make_path
 from mrmission.tour.turnaround import with_turnarounds
 from mrmission.tour.work import PartPlan, PartWork
 
@@ -74,9 +73,7 @@ class TripWork:
         """Return a path of the robot of a row with its runs, and its arcs if it has a radius."""
         if self.work.times[row].turn_radius_m <= 0:
             return self.gauges[row].shaped(path)
-        paths = [make_path(i + 1, home[None], [], []) for i, home in enumerate(self.work.homes_m)]
-        paths[row] = replace(path, robot=row + 1)
-        return Turns(self.work).before_covering(paths)[row]
+        return Turns(self.work).turned(row, path)
 
     def full_s(self, row: int) -> float:
         """Return how long a full trip of a robot takes, s."""
@@ -126,17 +123,8 @@ class TripWork:
             replace(path, robot=number)
             for number, path in enumerate((p for mine in trips for p in mine), start=1)
         )
-        return PartPlan(work=self.work_of(owners), tours=replace(self.whole.tours, paths=paths))
-
-    def work_of(self, owners: Sequence[int]) -> PartWork:
-        """Return the work with one robot for each trip."""
-        work = self.work
-        return replace(
-            work,
-            robots=tuple(work.robots[row] for row in owners),
-            homes_m=work.homes_m[list(owners)],
-            harbour=work.harbour.shared(list(owners)),
-            times=tuple(work.times[row] for row in owners),
+        return PartPlan(
+            work=self.work.of_rows(owners), tours=replace(self.whole.tours, paths=paths)
         )
 
 

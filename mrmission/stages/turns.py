@@ -45,14 +45,17 @@ class Turns:
             self._waters.append(water)
         self._keep_m: list[FloatArray] = [np.zeros((0, 2)) for _ in work.times]
         self._sharp_m: list[FloatArray] = [np.zeros((0, 2)) for _ in work.times]
-        self._whole_runs: dict[int, tuple[int, int, int]] = {}
+        self._with_runs_laid: dict[int, CoveragePath] = {}
 
     def before_covering(self, paths: Sequence[CoveragePath]) -> tuple[CoveragePath, ...]:
         """Return paths as the planner joins them, turned."""
-        return tuple(
-            self._rounded(i, self._with_runs(i, path), None) if self._radius_m(i) > 0 else path
-            for i, path in enumerate(paths)
-        )
+        return tuple(self.turned(i, path) for i, path in enumerate(paths))
+
+    def turned(self, robot: int, path: CoveragePath) -> CoveragePath:
+        """Return the path of a robot (from 0) turned, with its runs; as it is without a radius."""
+        if self._radius_m(robot) <= 0:
+            return path
+        return self._rounded(robot, self._with_runs(robot, path), None)
 
     def after_covering(
         self, paths: Sequence[CoveragePath], before: Sequence[CoveragePath]
@@ -80,12 +83,13 @@ class Turns:
         return (*self._sharp_notes(frame), *self._run_notes())
 
     def _run_notes(self) -> tuple[str, ...]:
-        if not self._whole_runs:
-            return ()
-        whole_in, whole_out, lines = np.sum(list(self._whole_runs.values()), axis=0).tolist()
-        if min(whole_in, whole_out) == lines:
+        if not self._runs:
             return ()
         run_in_m, run_out_m = self._work.options.runs_m
+        counts = [whole_runs(p, run_in_m, run_out_m) for p in self._with_runs_laid.values()]
+        whole_in, whole_out, lines = np.sum(counts, axis=0).tolist()
+        if min(whole_in, whole_out) == lines:
+            return ()
         has = " and ".join(
             f"{count} of {lines} stretches of lines have the whole {what} of {metres:g} m"
             for what, metres, count in (
@@ -118,8 +122,7 @@ class Turns:
     def _with_runs(self, robot: int, path: CoveragePath) -> CoveragePath:
         run_in_m, run_out_m = self._work.options.runs_m
         path = with_turnarounds(path, run_in_m, self._limits, run_out_m)
-        if self._runs:
-            self._whole_runs[robot] = whole_runs(path, run_in_m, run_out_m)
+        self._with_runs_laid[robot] = path
         return path
 
     def _rounded(self, robot: int, path: CoveragePath, before: CoveragePath | None) -> CoveragePath:

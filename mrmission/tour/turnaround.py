@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import shapely
 
-from mrmission.model import BoolArray, CoveragePath, FloatArray, LegKind
+from mrmission.model import BoolArray, CoveragePath, FloatArray, IntArray, LegKind
 from mrmission.tour.path import make_path
 
 SHORTEST_M = 0.5
@@ -55,8 +55,7 @@ def with_turnarounds(
     points = path.points_m
     last = len(kind) - 1
     # first and last leg of each stretch; (m,) indices of legs
-    heads = np.flatnonzero(survey & ~np.append(False, survey[:-1]))
-    tails = np.flatnonzero(survey & ~np.append(survey[1:], False))
+    heads, tails = _stretches(survey)
     heads, tails = heads[heads > 0], tails[tails < last]
     # the point at which each run touches its lane, and the one where it meets the transit
     at = np.concatenate([heads, tails + 1])
@@ -112,8 +111,7 @@ def whole_runs(path: CoveragePath, run_in_m: float, run_out_m: float) -> tuple[i
     leg = np.diff(path.points_m, axis=0)
     length = np.hypot(leg[:, 0], leg[:, 1])
     survey = np.asarray(path.kind) == LegKind.SURVEY
-    heads = np.flatnonzero(survey & ~np.append(False, survey[:-1]))
-    tails = np.flatnonzero(survey & ~np.append(survey[1:], False))
+    heads, tails = _stretches(survey)
 
     def straight_m(lane: int, run: int) -> float:
         """Return the length of a leg beside a stretch if it goes straight on, else 0."""
@@ -150,6 +148,14 @@ def outer_ends(
         outer = _inside(ends_m, outer, region)
     short = np.hypot(*(outer - ends_m).T) < SHORTEST_M
     return np.where(short[:, None], ends_m, outer)
+
+
+def _stretches(survey: BoolArray) -> tuple[IntArray, IntArray]:
+    """Return the first and the last leg of each stretch of lanes."""
+    return (
+        np.flatnonzero(survey & ~np.append(False, survey[:-1])),
+        np.flatnonzero(survey & ~np.append(survey[1:], False)),
+    )
 
 
 def _straight(leg: FloatArray, survey: BoolArray, index: int, step: int) -> int:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import shapely
@@ -63,6 +63,21 @@ class PartWork:
     options: PlanOptions
     weights: FloatArray | None = None
     line_toll_s: float = 0.0
+
+    @property
+    def in_trips(self) -> bool:
+        """Return whether some robot stands here more than once: for each of its trips."""
+        return len(set(self.robots)) < len(self.robots)
+
+    def of_rows(self, rows: Sequence[int]) -> PartWork:
+        """Return the work of the robots of these rows, which may come more than once."""
+        return replace(
+            self,
+            robots=tuple(self.robots[row] for row in rows),
+            homes_m=self.homes_m[list(rows)],
+            harbour=self.harbour.shared(rows),
+            times=tuple(self.times[row] for row in rows),
+        )
 
     @property
     def lines_m(self) -> FloatArray:
