@@ -31,6 +31,8 @@ MAX_SEGMENT = 8
 LAST_POWER = 160.0
 LAST_HEAT = 0.02
 """At last, a tour grows by so many ways to a nearest end in one move of three."""
+MOST_LUCK = 38.0
+"""No move is made that is so many heats worse: no random number is as small as that takes."""
 LOOK_STEPS, FEW_LINES = 1024, 200
 """So many steps at least lie between looks at whether the tours are the best so far; few lines are
 looked at whenever they change."""
@@ -219,21 +221,57 @@ def _usual_way(near, ends, table, least):  # type: ignore[no-untyped-def]
     return max(total / max(count, 1), least)
 
 
-@njit(cache=True, inline="always")
-def _gain(new, old, reference, power):  # type: ignore[no-untyped-def]
-    """Return by how much the power of one tour's cost grows."""
-    return (new / reference) ** power - (old / reference) ** power
+@njit(cache=True, error_model="numpy")
+def _weigh(r, cost, weights, scale):  # type: ignore[no-untyped-def]
+    """Write down the power of a tour's cost, and one over the cost."""
+    energy, inverse = weights
+    reference, power, _ = scale
+    energy[r] = (cost[r] / reference) ** power
+    inverse[r] = 1.0 / cost[r]
 
 
 @njit(cache=True, inline="always")
-def _gain_of_two(a, b, old_a, old_b, reference, power):  # type: ignore[no-untyped-def]
-    """Return by how much the powers of two tours' costs grow."""
-    return (
-        (a / reference) ** power
-        + (b / reference) ** power
-        - (old_a / reference) ** power
-        - (old_b / reference) ** power
-    )
+def least_growth(more, inverse, energy, power):  # type: ignore[no-untyped-def]
+    """Return what the power of a tour's cost grows by at least.
+
+    (1 + u)^p is at least its first terms where u > 0 and p >= 3, else at least 1 + p u, and 0. That
+    is enough to turn down most moves; powers are dear.
+    """
+    u = more * inverse
+    if u < 0.0:
+        return energy * max(power * u, -1.0)
+    return energy * power * u * (1.0 + 0.5 * (power - 1.0) * u * (1.0 + (power - 2.0) / 3.0 * u))
+
+
+@njit(cache=True, error_model="numpy")
+def _refused(r, new, cost, weights, scale, chance):  # type: ignore[no-untyped-def]
+    """Return whether a tour does not become so costly, by a random number of 64 bits."""
+    energy, inverse = weights
+    reference, power, heat = scale
+    if least_growth(new - cost[r], inverse[r], energy[r], power) > MOST_LUCK * heat:
+        return True
+    return (new / reference) ** power - energy[r] > _luck(chance, heat)
+
+
+@njit(cache=True, error_model="numpy")
+def _both_refused(  # type: ignore[no-untyped-def]
+    a, new_a, b, new_b, cost, weights, scale, chance
+):
+    """Return whether two tours do not become so costly, by a random number of 64 bits."""
+    energy, inverse = weights
+    reference, power, heat = scale
+    least = least_growth(new_a - cost[a], inverse[a], energy[a], power)
+    least += least_growth(new_b - cost[b], inverse[b], energy[b], power)
+    if least > MOST_LUCK * heat:
+        return True
+    grown = (new_a / reference) ** power + (new_b / reference) ** power
+    return grown - energy[a] - energy[b] > _luck(chance, heat)
+
+
+@njit(cache=True, inline="always")
+def _luck(x, heat):  # type: ignore[no-untyped-def]
+    """Return how much worse a move may be, by a random number of 64 bits."""
+    return -math.log((np.float64(x >> np.uint64(11)) + 0.5) / 9007199254740992.0) * heat
 
 
 @njit(cache=True, error_model="numpy")
@@ -276,7 +314,7 @@ def anneal(  # type: ignore[no-untyped-def]
     # moves are priced here, not in functions of their own: those took a third more time
     robots, lanes = routes.shape
     books = _new_books(routes)
-    route_of, place_of, swept, gone, _, _, _ = books
+    route_of, place_of, swept, gone, _, _, hop = books
     for r in range(robots):
         _book(r, 0, routes, sizes, lane, ends, table, books)
     best = routes.copy()
@@ -288,11 +326,14 @@ def anneal(  # type: ignore[no-untyped-def]
     scratch_b = np.zeros(lanes, np.int32)
     top = np.argmax(cost)
     x = state[0]
-    power = first_power
-    heat = 0.0
-    reference = cost.max()
-    unit = _usual_way(near, ends, table, 1e-6 * reference)
+    unit = _usual_way(near, ends, table, 1e-6 * cost.max())
     look = 0
+    weights = np.zeros(robots), np.zeros(robots)
+    scale = cost.max(), first_power, 0.0
+    near_s = np.zeros(near.shape)
+    for i in range(near.shape[0]):
+        for j in range(near.shape[1]):
+            near_s[i, j] = _way(ends, table, i, near[i, j])
     for step in range(steps):
         if step % 256 == 0:
             done = step / steps
@@ -300,6 +341,9 @@ def anneal(  # type: ignore[no-untyped-def]
             reference = cost[top]
             power = first_power * (LAST_POWER / first_power) ** done
             heat = first_heat * (LAST_HEAT / first_heat) ** done * unit * power / reference
+            scale = reference, power, heat
+            for r in range(robots):
+                _weigh(r, cost, weights, scale)
         x = _next_random(x)
         random = np.int64(x >> np.uint64(2))
         # the end e of a line is to be joined to a near end f of another
@@ -309,14 +353,15 @@ def anneal(  # type: ignore[no-untyped-def]
         else:
             own = (random >> 8) % lanes
         e = 2 * own + ((random >> 1) & 1)
-        f = near[e, (random >> 40) % near.shape[1]]
+        j = (random >> 40) % near.shape[1]
+        f, joined = near[e, j], near_s[e, j]
         a, s = route_of[own], place_of[own]
         b, p = route_of[f >> 1], place_of[f >> 1]
         e_is_exit = routes[a, s] != e
         f_is_exit = routes[b, p] != f
         kind = (random >> 3) & 7
         x = _next_random(x)
-        luck = -math.log((np.float64(x >> np.uint64(11)) + 0.5) / 9007199254740992.0) * heat
+        chance = x
         na, nb = sizes[a], sizes[b]
         from_a, from_b = 0, 0  # the first places that a move changes
         if kind < 4 or (kind < 6 and a != b):
@@ -340,32 +385,22 @@ def anneal(  # type: ignore[no-untyped-def]
                 after = -1 if last == na - 1 else routes[a, last + 1]
                 new_a = cost[a]
                 if before < 0:
-                    new_a += home[a, after] - home[a, head]
-                    new_a -= travel[a] * _way(ends, table, tail, after)
+                    new_a += home[a, after] - home[a, head] - travel[a] * hop[a, last + 1]
                 elif after < 0:
-                    new_a += home[a, before] - home[a, tail]
-                    new_a -= travel[a] * _way(ends, table, before, head)
+                    new_a += home[a, before] - home[a, tail] - travel[a] * hop[a, first]
                 else:
                     new_a += travel[a] * (
-                        _way(ends, table, before, after)
-                        - _way(ends, table, before, head)
-                        - _way(ends, table, tail, after)
+                        _way(ends, table, before, after) - hop[a, first] - hop[a, last + 1]
                     )
-                enter = head if forward else tail
-                leave = tail if forward else head
-                if at == 0:
-                    new_a += home[a, enter] - home[a, routes[a, 0]]
-                    new_a += travel[a] * _way(ends, table, leave, routes[a, 0])
-                elif at == na:
-                    new_a += home[a, leave] - home[a, routes[a, na - 1] ^ 1]
-                    new_a += travel[a] * _way(ends, table, routes[a, na - 1] ^ 1, enter)
+                # e and f are joined; the segment's other end meets what was beside f
+                other = head if e == tail else tail
+                new_a += travel[a] * joined
+                if at == 0 or at == na:
+                    new_a += home[a, other] - home[a, f]
                 else:
-                    new_a += travel[a] * (
-                        _way(ends, table, routes[a, at - 1] ^ 1, enter)
-                        + _way(ends, table, leave, routes[a, at])
-                        - _way(ends, table, routes[a, at - 1] ^ 1, routes[a, at])
-                    )
-                if _gain(new_a, cost[a], reference, power) > luck:
+                    beside = routes[a, at] if f_is_exit else routes[a, at - 1] ^ 1
+                    new_a += travel[a] * (_way(ends, table, other, beside) - hop[a, at])
+                if _refused(a, new_a, cost, weights, scale, chance):
                     continue
                 from_a = min(first, at)
                 _move_within(a, first, last, at, forward, routes, na, scratch)
@@ -393,22 +428,19 @@ def anneal(  # type: ignore[no-untyped-def]
                 if before_a < 0:
                     new_a -= home[a, head]
                 else:
-                    new_a -= travel[a] * _way(ends, table, before_a, head)
+                    new_a -= travel[a] * hop[a, first]
                 if after_a < 0:
                     new_a -= home[a, tail]
                 else:
-                    new_a -= travel[a] * _way(ends, table, tail, after_a)
-                enter = head if forward else tail
-                leave = tail if forward else head
-                new_b = cost[b] + sweep[b] * inner_swept + travel[b] * inner_gone
-                if before_b < 0:
-                    new_b += home[b, enter]
+                    new_a -= travel[a] * hop[a, last + 1]
+                # e and f are joined; the segment's other end meets what lies beyond what goes back
+                other = head if e == tail else tail
+                beyond = after_b if f_is_exit else before_b
+                new_b = cost[b] + sweep[b] * inner_swept + travel[b] * (inner_gone + joined)
+                if beyond < 0:
+                    new_b += home[b, other]
                 else:
-                    new_b += travel[b] * _way(ends, table, before_b, enter)
-                if after_b < 0:
-                    new_b += home[b, leave]
-                else:
-                    new_b += travel[b] * _way(ends, table, leave, after_b)
+                    new_b += travel[b] * _way(ends, table, other, beyond)
                 back_forward = True
                 if back == 0:
                     if before_b < 0:
@@ -416,7 +448,7 @@ def anneal(  # type: ignore[no-untyped-def]
                     elif after_b < 0:
                         new_b -= home[b, before_b]
                     else:
-                        new_b -= travel[b] * _way(ends, table, before_b, after_b)
+                        new_b -= travel[b] * hop[b, at]
                     if before_a < 0:
                         new_a += home[a, after_a]
                     elif after_a < 0:
@@ -431,11 +463,11 @@ def anneal(  # type: ignore[no-untyped-def]
                     if before_b < 0:
                         new_b -= home[b, head_b]
                     else:
-                        new_b -= travel[b] * _way(ends, table, before_b, head_b)
+                        new_b -= travel[b] * hop[b, first_b]
                     if after_b < 0:
                         new_b -= home[b, tail_b]
                     else:
-                        new_b -= travel[b] * _way(ends, table, tail_b, after_b)
+                        new_b -= travel[b] * hop[b, last_b + 1]
                     new_a += sweep[a] * back_swept + travel[a] * back_gone
                     straight, turned = 0.0, 0.0
                     if before_a < 0:
@@ -452,7 +484,7 @@ def anneal(  # type: ignore[no-untyped-def]
                         turned += travel[a] * _way(ends, table, head_b, after_a)
                     back_forward = straight <= turned
                     new_a += min(straight, turned)
-                if _gain_of_two(new_a, new_b, cost[a], cost[b], reference, power) > luck:
+                if _both_refused(a, new_a, b, new_b, cost, weights, scale, chance):
                     continue
                 from_a, from_b = first, first_b
                 _exchange(
@@ -474,17 +506,15 @@ def anneal(  # type: ignore[no-untyped-def]
                 new_a += home[a, tail] - home[a, head]
             else:
                 before = routes[a, first - 1] ^ 1
-                new_a += travel[a] * (
-                    _way(ends, table, before, tail) - _way(ends, table, before, head)
-                )
+                way_s = joined if e_is_exit else _way(ends, table, before, tail)
+                new_a += travel[a] * (way_s - hop[a, first])
             if last == na - 1:
                 new_a += home[a, head] - home[a, tail]
             else:
                 after = routes[a, last + 1]
-                new_a += travel[a] * (
-                    _way(ends, table, head, after) - _way(ends, table, tail, after)
-                )
-            if _gain(new_a, cost[a], reference, power) > luck:
+                way_s = _way(ends, table, head, after) if e_is_exit else joined
+                new_a += travel[a] * (way_s - hop[a, last + 1])
+            if _refused(a, new_a, cost, weights, scale, chance):
                 continue
             from_a = first
             _reverse(a, first, last, routes)
@@ -515,12 +545,14 @@ def anneal(  # type: ignore[no-untyped-def]
                 new_a += home[a, first_a] if in_a >= 0 else home[a, out_b]
                 new_a += home[a, last_b] if out_b >= 0 else home[a, in_a]
                 if in_a >= 0 and out_b >= 0:
-                    new_a += travel[a] * _way(ends, table, in_a, out_b)
+                    way_s = joined if e_is_exit else _way(ends, table, in_a, out_b)
+                    new_a += travel[a] * way_s
                 new_b = sweep[b] * (hs_b + ts_a) + travel[b] * (hg_b + tg_a)
                 new_b += home[b, first_b] if in_b >= 0 else home[b, out_a]
                 new_b += home[b, last_a] if out_a >= 0 else home[b, in_b]
                 if in_b >= 0 and out_a >= 0:
-                    new_b += travel[b] * _way(ends, table, in_b, out_a)
+                    way_s = _way(ends, table, in_b, out_a) if e_is_exit else joined
+                    new_b += travel[b] * way_s
             else:
                 if (in_a < 0 and in_b < 0) or (out_a < 0 and out_b < 0):
                     continue
@@ -528,13 +560,15 @@ def anneal(  # type: ignore[no-untyped-def]
                 new_a += home[a, first_a] if in_a >= 0 else home[a, in_b]
                 new_a += home[a, first_b] if in_b >= 0 else home[a, in_a]
                 if in_a >= 0 and in_b >= 0:
-                    new_a += travel[a] * _way(ends, table, in_a, in_b)
+                    way_s = joined if e_is_exit else _way(ends, table, in_a, in_b)
+                    new_a += travel[a] * way_s
                 new_b = sweep[b] * (ts_a + ts_b) + travel[b] * (tg_a + tg_b)
                 new_b += home[b, last_a] if out_a >= 0 else home[b, out_b]
                 new_b += home[b, last_b] if out_b >= 0 else home[b, out_a]
                 if out_a >= 0 and out_b >= 0:
-                    new_b += travel[b] * _way(ends, table, out_a, out_b)
-            if _gain_of_two(new_a, new_b, cost[a], cost[b], reference, power) > luck:
+                    way_s = _way(ends, table, out_a, out_b) if e_is_exit else joined
+                    new_b += travel[b] * way_s
+            if _both_refused(a, new_a, b, new_b, cost, weights, scale, chance):
                 continue
             from_a, from_b = cut_a, cut_b if crossed else 0
             _exchange_tails(a, cut_a, b, cut_b, crossed, routes, sizes, scratch, scratch_b)
@@ -551,6 +585,7 @@ def anneal(  # type: ignore[no-untyped-def]
                 + travel[r] * gone[r, n - 1]
                 + home[r, routes[r, n - 1] ^ 1]
             )
+            _weigh(r, cost, weights, scale)
         if lanes <= FEW_LINES or step >= look:
             look = step + LOOK_STEPS
             top_cost = cost.max()

@@ -8,8 +8,9 @@ from itertools import permutations, product
 import numpy as np
 import pytest
 
+from mrmission.minmax.annealing import LAST_POWER, least_growth
 from mrmission.minmax.problem import LaneProblem, tour_cost
-from mrmission.minmax.search import minmax
+from mrmission.minmax.search import AGAIN_POWER, FIRST_POWER, minmax
 from mrmission.minmax.split import giant_tour, split_tour
 
 
@@ -138,3 +139,15 @@ def test_a_search_goes_on_from_tours_and_never_to_worse_ones() -> None:
     same = minmax(problem, 0.0, 1, first)
     assert [e.tolist() for e in same.entries] == [e.tolist() for e in first.entries]
     assert same.cost == pytest.approx(first.cost)
+
+
+@pytest.mark.parametrize("power", [FIRST_POWER, 7.5, AGAIN_POWER, LAST_POWER])
+def test_no_move_is_turned_down_that_its_power_would_allow(power: float) -> None:
+    rng = np.random.default_rng(int(power))
+    for old, share in zip(rng.uniform(0.2, 1.0, 2000), rng.uniform(-0.9, 0.9, 2000), strict=True):
+        energy = old**power
+        grown = (old * (1.0 + share)) ** power - energy
+        least = least_growth(old * share, 1.0 / old, energy, power)
+        assert least <= grown + 1e-12 * max(abs(grown), energy)
+        if abs(share) * power < 0.1:  # and it says something
+            assert least == pytest.approx(grown, rel=0.06)
