@@ -4,14 +4,18 @@ A tour is a row of ends at which lines are entered; end ``e ^ 1`` is where the l
 left. A move is drawn, priced in constant time by the sums that are kept along each tour, and made
 or not. The same names mean the same everywhere:
 
+``kinds``
+    (robots,) the kind of each robot, which says what lines and ways cost it. ``qa`` and ``qb`` are
+    those of robots ``a`` and ``b``.
 ``ends``, ``table``
-    A matrix of travel between ends; an empty one where the table tells, which is the first three
-    arguments of :func:`mrmission.minmax.travel.travel_s`.
+    (kinds, ends, ends) travel between ends; an empty array where the table tells, which is the
+    first three arguments of :func:`mrmission.minmax.travel.travel_s`, for all kinds alike.
 ``home``, ``sweep``, ``travel``
     (robots, ends) travel to and from each robot's home; (robots,) what lines, and travel between
-    ends, are multiplied by.
+    ends, of its kind are multiplied by.
 ``swept``, ``gone``
-    (robots, lines) sums of lines up to a place in a tour, and of travel between them, unscaled.
+    (kinds, robots, lines) sums of lines up to a place in a tour, and of travel between them,
+    unscaled: as each kind would have them.
 ``books``
     What is known of tours as they are: route and place of each line, ``swept``, ``gone``, and the
     tours when they were booked, their sizes and the travel between their lines.
@@ -47,26 +51,26 @@ def _next_random(x):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _way(ends, table, e, f):  # type: ignore[no-untyped-def]
-    """Return the cost of travel between two ends, from the matrix or from the table."""
+def _way(ends, table, q, e, f):  # type: ignore[no-untyped-def]
+    """Return the cost of travel between two ends for kind q, from its matrix or from the table."""
     if len(ends):
-        return ends[e, f]
+        return ends[q, e, f]
     arrays, second_s, price = table
     return travel_s(arrays, second_s, price, e, f)
 
 
 @njit(cache=True, error_model="numpy")
-def _new_books(routes):  # type: ignore[no-untyped-def]
-    """Return books in which nothing is written."""
+def _new_books(routes, many):  # type: ignore[no-untyped-def]
+    """Return books for so many kinds in which nothing is written."""
     robots, lanes = routes.shape
     return (
         np.zeros(lanes, np.int32),
         np.zeros(lanes, np.int32),
-        np.zeros((robots, lanes)),
-        np.zeros((robots, lanes)),
+        np.zeros((many, robots, lanes)),
+        np.zeros((many, robots, lanes)),
         np.zeros((robots, lanes), np.int32),
         np.zeros(robots, np.int64),
-        np.zeros((robots, lanes)),
+        np.zeros((many, robots, lanes)),
     )
 
 
@@ -85,25 +89,28 @@ def _book(r, start, routes, sizes, lane, ends, table, books):  # type: ignore[no
         and routes[r, tail - 1] == was[r, tail - 1 + shift]
     ):
         tail -= 1
-    if shift > 0:
-        for i in range(tail + 1, n):
-            hop[r, i] = hop[r, i + shift]
-    elif shift < 0:
-        for i in range(n - 1, tail, -1):
-            hop[r, i] = hop[r, i + shift]
-    for i in range(max(1, start), min(tail + 1, n)):
-        hop[r, i] = _way(ends, table, routes[r, i - 1] ^ 1, routes[r, i])
+    many = len(hop)
+    for q in range(many):
+        if shift > 0:
+            for i in range(tail + 1, n):
+                hop[q, r, i] = hop[q, r, i + shift]
+        elif shift < 0:
+            for i in range(n - 1, tail, -1):
+                hop[q, r, i] = hop[q, r, i + shift]
+        for i in range(max(1, start), min(tail + 1, n)):
+            hop[q, r, i] = _way(ends, table, q, routes[r, i - 1] ^ 1, routes[r, i])
+        for i in range(start, n):
+            if i == 0:
+                swept[q, r, 0] = lane[q, routes[r, 0] >> 1]
+                gone[q, r, 0] = 0.0
+            else:
+                swept[q, r, i] = swept[q, r, i - 1] + lane[q, routes[r, i] >> 1]
+                gone[q, r, i] = gone[q, r, i - 1] + hop[q, r, i]
     for i in range(start, n):
         e = routes[r, i]
         was[r, i] = e
         route_of[e >> 1] = r
         place_of[e >> 1] = i
-        if i == 0:
-            swept[r, 0] = lane[e >> 1]
-            gone[r, 0] = 0.0
-        else:
-            swept[r, i] = swept[r, i - 1] + lane[e >> 1]
-            gone[r, i] = gone[r, i - 1] + hop[r, i]
     was_size[r] = n
 
 
@@ -213,7 +220,7 @@ def _usual_way(near, ends, table, least):  # type: ignore[no-untyped-def]
     total, count = 0.0, 0  # the pieces of a cut line have no way between them
     for i in range(len(near)):
         for f in near[i]:
-            seconds = _way(ends, table, i, f)
+            seconds = _way(ends, table, 0, i, f)
             if seconds > least:
                 total += seconds
                 count += 1
@@ -282,6 +289,7 @@ def anneal(  # type: ignore[no-untyped-def]
     lane,
     ends,
     table,
+    kinds,
     home,
     sweep,
     travel,
@@ -298,8 +306,8 @@ def anneal(  # type: ignore[no-untyped-def]
     routes, sizes, cost
         (robots, lines) entries of each robot's lines, (robots,) how many, and what they cost.
     lane
-        (lines,) cost of sweeping each.
-    ends, table, home, sweep, travel
+        (kinds, lines) cost of sweeping each.
+    ends, table, kinds, home, sweep, travel
         See the module.
     near
         (ends, any) nearest ends of other lines.
@@ -313,7 +321,8 @@ def anneal(  # type: ignore[no-untyped-def]
     """
     # moves are priced here, not in functions of their own: those took a third more time
     robots, lanes = routes.shape
-    books = _new_books(routes)
+    many = len(lane)
+    books = _new_books(routes, many)
     route_of, place_of, swept, gone, _, _, hop = books
     for r in range(robots):
         _book(r, 0, routes, sizes, lane, ends, table, books)
@@ -330,10 +339,11 @@ def anneal(  # type: ignore[no-untyped-def]
     look = 0
     weights = np.zeros(robots), np.zeros(robots)
     scale = cost.max(), first_power, 0.0
-    near_s = np.zeros(near.shape)
-    for i in range(near.shape[0]):
-        for j in range(near.shape[1]):
-            near_s[i, j] = _way(ends, table, i, near[i, j])
+    near_s = np.zeros((many, *near.shape))
+    for q in range(many):
+        for i in range(near.shape[0]):
+            for j in range(near.shape[1]):
+                near_s[q, i, j] = _way(ends, table, q, i, near[i, j])
     for step in range(steps):
         if step % 256 == 0:
             done = step / steps
@@ -354,9 +364,11 @@ def anneal(  # type: ignore[no-untyped-def]
             own = (random >> 8) % lanes
         e = 2 * own + ((random >> 1) & 1)
         j = (random >> 40) % near.shape[1]
-        f, joined = near[e, j], near_s[e, j]
+        f = near[e, j]
         a, s = route_of[own], place_of[own]
         b, p = route_of[f >> 1], place_of[f >> 1]
+        qa, qb = kinds[a], kinds[b]
+        joined_a, joined_b = near_s[qa, e, j], near_s[qb, e, j]
         e_is_exit = routes[a, s] != e
         f_is_exit = routes[b, p] != f
         kind = (random >> 3) & 7
@@ -385,21 +397,23 @@ def anneal(  # type: ignore[no-untyped-def]
                 after = -1 if last == na - 1 else routes[a, last + 1]
                 new_a = cost[a]
                 if before < 0:
-                    new_a += home[a, after] - home[a, head] - travel[a] * hop[a, last + 1]
+                    new_a += home[a, after] - home[a, head] - travel[a] * hop[qa, a, last + 1]
                 elif after < 0:
-                    new_a += home[a, before] - home[a, tail] - travel[a] * hop[a, first]
+                    new_a += home[a, before] - home[a, tail] - travel[a] * hop[qa, a, first]
                 else:
                     new_a += travel[a] * (
-                        _way(ends, table, before, after) - hop[a, first] - hop[a, last + 1]
+                        _way(ends, table, qa, before, after)
+                        - hop[qa, a, first]
+                        - hop[qa, a, last + 1]
                     )
                 # e and f are joined; the segment's other end meets what was beside f
                 other = head if e == tail else tail
-                new_a += travel[a] * joined
+                new_a += travel[a] * joined_a
                 if at == 0 or at == na:
                     new_a += home[a, other] - home[a, f]
                 else:
                     beside = routes[a, at] if f_is_exit else routes[a, at - 1] ^ 1
-                    new_a += travel[a] * (_way(ends, table, other, beside) - hop[a, at])
+                    new_a += travel[a] * (_way(ends, table, qa, other, beside) - hop[qa, a, at])
                 if _refused(a, new_a, cost, weights, scale, chance):
                     continue
                 from_a = min(first, at)
@@ -421,26 +435,29 @@ def anneal(  # type: ignore[no-untyped-def]
                 after_a = -1 if last == na - 1 else routes[a, last + 1]
                 before_b = -1 if first_b == 0 else routes[b, first_b - 1] ^ 1
                 after_b = -1 if last_b == nb - 1 else routes[b, last_b + 1]
-                inner_swept = swept[a, last] - swept[a, first] + lane[head >> 1]
-                inner_gone = gone[a, last] - gone[a, first]
+                inner_swept = swept[qa, a, last] - swept[qa, a, first] + lane[qa, head >> 1]
+                inner_gone = gone[qa, a, last] - gone[qa, a, first]
                 # cost of a's and b's rests as they are, without what joins them
                 new_a = cost[a] - sweep[a] * inner_swept - travel[a] * inner_gone
                 if before_a < 0:
                     new_a -= home[a, head]
                 else:
-                    new_a -= travel[a] * hop[a, first]
+                    new_a -= travel[a] * hop[qa, a, first]
                 if after_a < 0:
                     new_a -= home[a, tail]
                 else:
-                    new_a -= travel[a] * hop[a, last + 1]
+                    new_a -= travel[a] * hop[qa, a, last + 1]
                 # e and f are joined; the segment's other end meets what lies beyond what goes back
                 other = head if e == tail else tail
                 beyond = after_b if f_is_exit else before_b
-                new_b = cost[b] + sweep[b] * inner_swept + travel[b] * (inner_gone + joined)
+                if qa != qb:
+                    inner_swept = swept[qb, a, last] - swept[qb, a, first] + lane[qb, head >> 1]
+                    inner_gone = gone[qb, a, last] - gone[qb, a, first]
+                new_b = cost[b] + sweep[b] * inner_swept + travel[b] * (inner_gone + joined_b)
                 if beyond < 0:
                     new_b += home[b, other]
                 else:
-                    new_b += travel[b] * _way(ends, table, other, beyond)
+                    new_b += travel[b] * _way(ends, table, qb, other, beyond)
                 back_forward = True
                 if back == 0:
                     if before_b < 0:
@@ -448,40 +465,46 @@ def anneal(  # type: ignore[no-untyped-def]
                     elif after_b < 0:
                         new_b -= home[b, before_b]
                     else:
-                        new_b -= travel[b] * hop[b, at]
+                        new_b -= travel[b] * hop[qb, b, at]
                     if before_a < 0:
                         new_a += home[a, after_a]
                     elif after_a < 0:
                         new_a += home[a, before_a]
                     else:
-                        new_a += travel[a] * _way(ends, table, before_a, after_a)
+                        new_a += travel[a] * _way(ends, table, qa, before_a, after_a)
                 else:
                     head_b, tail_b = routes[b, first_b], routes[b, last_b] ^ 1
-                    back_swept = swept[b, last_b] - swept[b, first_b] + lane[head_b >> 1]
-                    back_gone = gone[b, last_b] - gone[b, first_b]
+                    back_swept = (
+                        swept[qb, b, last_b] - swept[qb, b, first_b] + lane[qb, head_b >> 1]
+                    )
+                    back_gone = gone[qb, b, last_b] - gone[qb, b, first_b]
                     new_b -= sweep[b] * back_swept + travel[b] * back_gone
                     if before_b < 0:
                         new_b -= home[b, head_b]
                     else:
-                        new_b -= travel[b] * hop[b, first_b]
+                        new_b -= travel[b] * hop[qb, b, first_b]
                     if after_b < 0:
                         new_b -= home[b, tail_b]
                     else:
-                        new_b -= travel[b] * hop[b, last_b + 1]
+                        new_b -= travel[b] * hop[qb, b, last_b + 1]
+                    if qa != qb:
+                        back_swept = swept[qa, b, last_b] - swept[qa, b, first_b]
+                        back_swept += lane[qa, head_b >> 1]
+                        back_gone = gone[qa, b, last_b] - gone[qa, b, first_b]
                     new_a += sweep[a] * back_swept + travel[a] * back_gone
                     straight, turned = 0.0, 0.0
                     if before_a < 0:
                         straight += home[a, head_b]
                         turned += home[a, tail_b]
                     else:
-                        straight += travel[a] * _way(ends, table, before_a, head_b)
-                        turned += travel[a] * _way(ends, table, before_a, tail_b)
+                        straight += travel[a] * _way(ends, table, qa, before_a, head_b)
+                        turned += travel[a] * _way(ends, table, qa, before_a, tail_b)
                     if after_a < 0:
                         straight += home[a, tail_b]
                         turned += home[a, head_b]
                     else:
-                        straight += travel[a] * _way(ends, table, tail_b, after_a)
-                        turned += travel[a] * _way(ends, table, head_b, after_a)
+                        straight += travel[a] * _way(ends, table, qa, tail_b, after_a)
+                        turned += travel[a] * _way(ends, table, qa, head_b, after_a)
                     back_forward = straight <= turned
                     new_a += min(straight, turned)
                 if _both_refused(a, new_a, b, new_b, cost, weights, scale, chance):
@@ -506,14 +529,14 @@ def anneal(  # type: ignore[no-untyped-def]
                 new_a += home[a, tail] - home[a, head]
             else:
                 before = routes[a, first - 1] ^ 1
-                way_s = joined if e_is_exit else _way(ends, table, before, tail)
-                new_a += travel[a] * (way_s - hop[a, first])
+                way_s = joined_a if e_is_exit else _way(ends, table, qa, before, tail)
+                new_a += travel[a] * (way_s - hop[qa, a, first])
             if last == na - 1:
                 new_a += home[a, head] - home[a, tail]
             else:
                 after = routes[a, last + 1]
-                way_s = _way(ends, table, head, after) if e_is_exit else joined
-                new_a += travel[a] * (way_s - hop[a, last + 1])
+                way_s = _way(ends, table, qa, head, after) if e_is_exit else joined_a
+                new_a += travel[a] * (way_s - hop[qa, a, last + 1])
             if _refused(a, new_a, cost, weights, scale, chance):
                 continue
             from_a = first
@@ -522,15 +545,19 @@ def anneal(  # type: ignore[no-untyped-def]
             cut_a = s + 1 if e_is_exit else s  # lines of a before the cut
             cut_b = p + 1 if f_is_exit else p
             crossed = e_is_exit != f_is_exit  # heads keep their direction
-            # unscaled: what each of the four parts sweeps, and the ways within it
-            hs_a = swept[a, cut_a - 1] if cut_a > 0 else 0.0
-            hg_a = gone[a, cut_a - 1] if cut_a > 0 else 0.0
-            ts_a = swept[a, na - 1] - hs_a
-            tg_a = gone[a, na - 1] - gone[a, cut_a] if cut_a < na else 0.0
-            hs_b = swept[b, cut_b - 1] if cut_b > 0 else 0.0
-            hg_b = gone[b, cut_b - 1] if cut_b > 0 else 0.0
-            ts_b = swept[b, nb - 1] - hs_b
-            tg_b = gone[b, nb - 1] - gone[b, cut_b] if cut_b < nb else 0.0
+            # unscaled: what each of the four parts sweeps, and the ways within it, for the robot
+            # that is to have it: heads joined to heads are a's, tails to tails b's
+            q_head, q_tail = (qb, qa) if crossed else (qa, qb)  # of b's; a's tail is for b
+            hs_a = swept[qa, a, cut_a - 1] if cut_a > 0 else 0.0
+            hg_a = gone[qa, a, cut_a - 1] if cut_a > 0 else 0.0
+            ts_a = swept[qb, a, na - 1]
+            ts_a -= swept[qb, a, cut_a - 1] if cut_a > 0 else 0.0
+            tg_a = gone[qb, a, na - 1] - gone[qb, a, cut_a] if cut_a < na else 0.0
+            hs_b = swept[q_head, b, cut_b - 1] if cut_b > 0 else 0.0
+            hg_b = gone[q_head, b, cut_b - 1] if cut_b > 0 else 0.0
+            ts_b = swept[q_tail, b, nb - 1]
+            ts_b -= swept[q_tail, b, cut_b - 1] if cut_b > 0 else 0.0
+            tg_b = gone[q_tail, b, nb - 1] - gone[q_tail, b, cut_b] if cut_b < nb else 0.0
             # the ends at both sides of the cuts, and the outer ones; -1: nothing on that side
             in_a = routes[a, cut_a - 1] ^ 1 if cut_a > 0 else -1
             out_a = routes[a, cut_a] if cut_a < na else -1
@@ -545,13 +572,13 @@ def anneal(  # type: ignore[no-untyped-def]
                 new_a += home[a, first_a] if in_a >= 0 else home[a, out_b]
                 new_a += home[a, last_b] if out_b >= 0 else home[a, in_a]
                 if in_a >= 0 and out_b >= 0:
-                    way_s = joined if e_is_exit else _way(ends, table, in_a, out_b)
+                    way_s = joined_a if e_is_exit else _way(ends, table, qa, in_a, out_b)
                     new_a += travel[a] * way_s
                 new_b = sweep[b] * (hs_b + ts_a) + travel[b] * (hg_b + tg_a)
                 new_b += home[b, first_b] if in_b >= 0 else home[b, out_a]
                 new_b += home[b, last_a] if out_a >= 0 else home[b, in_b]
                 if in_b >= 0 and out_a >= 0:
-                    way_s = _way(ends, table, in_b, out_a) if e_is_exit else joined
+                    way_s = _way(ends, table, qb, in_b, out_a) if e_is_exit else joined_b
                     new_b += travel[b] * way_s
             else:
                 if (in_a < 0 and in_b < 0) or (out_a < 0 and out_b < 0):
@@ -560,13 +587,13 @@ def anneal(  # type: ignore[no-untyped-def]
                 new_a += home[a, first_a] if in_a >= 0 else home[a, in_b]
                 new_a += home[a, first_b] if in_b >= 0 else home[a, in_a]
                 if in_a >= 0 and in_b >= 0:
-                    way_s = joined if e_is_exit else _way(ends, table, in_a, in_b)
+                    way_s = joined_a if e_is_exit else _way(ends, table, qa, in_a, in_b)
                     new_a += travel[a] * way_s
                 new_b = sweep[b] * (ts_a + ts_b) + travel[b] * (tg_a + tg_b)
                 new_b += home[b, last_a] if out_a >= 0 else home[b, out_b]
                 new_b += home[b, last_b] if out_b >= 0 else home[b, out_a]
                 if out_a >= 0 and out_b >= 0:
-                    way_s = _way(ends, table, out_a, out_b) if e_is_exit else joined
+                    way_s = _way(ends, table, qb, out_a, out_b) if e_is_exit else joined_b
                     new_b += travel[b] * way_s
             if _both_refused(a, new_a, b, new_b, cost, weights, scale, chance):
                 continue
@@ -581,8 +608,8 @@ def anneal(  # type: ignore[no-untyped-def]
             n = sizes[r]
             cost[r] = (
                 home[r, routes[r, 0]]
-                + sweep[r] * swept[r, n - 1]
-                + travel[r] * gone[r, n - 1]
+                + sweep[r] * swept[kinds[r], r, n - 1]
+                + travel[r] * gone[kinds[r], r, n - 1]
                 + home[r, routes[r, n - 1] ^ 1]
             )
             _weigh(r, cost, weights, scale)

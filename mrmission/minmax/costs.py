@@ -32,6 +32,9 @@ FAR_M = 1e5
 ANGLES = 181
 BENT = 1.02
 """A way this many times as long as the straight one does not begin in its direction."""
+MOST_NUMBERS = 5e7
+"""Where all ways for all kinds of vehicles would be more numbers than that, all are priced as for
+the first."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,26 +79,46 @@ def line_costs(
     """
     ends = ends_of(lines).reshape(-1, 2)
     out = outward(lines)
-    time = times[0]
     metres = harbour.distance_matrix(ends)
     first, last = chosen_pairs(metres)
     near = near_ways(ends, first, last, metres[first, last], harbour)
-    near_s = near_seconds(near, ends, out, hooks, time, lanes_alone)
-    hook_s = _mean_hook_s(ends, out, hooks, time, lanes_alone)
-    table, mean = _corner_table(time)
-    cost = metres.copy()
-    _price_all(cost, ends, out, table, mean, hook_s, 1.0 / time.transit_speed_m_s)
-    cost[first, last] = cost[last, first] = near_s
-    lane_s = lengths_m(lines) / time.survey_speed_m_s + _short_lanes_s(lines, time)
+    kinds = kinds_of(times)
+    if len(kinds) * metres.size > MOST_NUMBERS:
+        kinds = kinds[:1]
+    costs = []
+    for time, sweep, travel in kinds:
+        hook_s = _mean_hook_s(ends, out, hooks, time, lanes_alone)
+        table, mean = _corner_table(time)
+        cost = metres.copy()
+        _price_all(cost, ends, out, table, mean, hook_s, 1.0 / time.transit_speed_m_s)
+        near_s = near_seconds(near, ends, out, hooks, time, lanes_alone)
+        cost[first, last] = cost[last, first] = near_s
+        lane_s = lengths_m(lines) / time.survey_speed_m_s + _short_lanes_s(lines, time)
+        costs.append((lane_s / sweep, cost if travel == 1.0 else cost / travel))
     sweep_scale, travel_scale = speed_scales(times)
+    models = [time for time, _, _ in kinds]
     problem = LaneProblem(
-        lane_cost=lane_s,
-        end_cost=cost,
+        lane_cost=costs[0][0],
+        end_cost=costs[0][1],
         home_cost=_home_seconds(ends, out, homes_m, hooks, harbour, times, lanes_alone),
         sweep_scale=sweep_scale,
         travel_scale=travel_scale,
+        kinds=np.array([models.index(time) for time in times]) if len(models) > 1 else None,
+        others=tuple(costs[1:]),
     )
     return LineCosts(problem=problem, metres=metres)
+
+
+def kinds_of(times: tuple[TimeModel, ...]) -> list[tuple[TimeModel, float, float]]:
+    """Return each kind of vehicle once, with how many times the first's seconds it takes.
+
+    That is for sweeping and for travel, as :func:`speed_scales` has them.
+    """
+    out: list[tuple[TimeModel, float, float]] = []
+    for time, sweep, travel in zip(times, *speed_scales(times), strict=True):
+        if all(time != other for other, _, _ in out):
+            out.append((time, float(sweep), float(travel)))
+    return out
 
 
 def speed_scales(times: tuple[TimeModel, ...]) -> tuple[FloatArray, FloatArray]:

@@ -26,6 +26,7 @@ from mrmission.minmax.costs import (
     chosen_pairs,
     end_legs_m,
     ends_s,
+    kinds_of,
     near_ways,
     outward,
     speed_scales,
@@ -109,18 +110,6 @@ def least_costs(
         sweep_scale=sweep_scale,
         travel_scale=travel_scale,
     )
-
-
-def kinds_of(times: tuple[TimeModel, ...]) -> list[tuple[TimeModel, float, float]]:
-    """Return each kind of vehicle once, with how many times the first's seconds it takes.
-
-    That is for sweeping and for travel, as :func:`~mrmission.minmax.costs.speed_scales` has them.
-    """
-    out: list[tuple[TimeModel, float, float]] = []
-    for time, sweep, travel in zip(times, *speed_scales(times), strict=True):
-        if all(time != other for other, _, _ in out):
-            out.append((time, float(sweep), float(travel)))
-    return out
 
 
 def least_lanes_s(lines: tuple[SurveyLine, ...], times: tuple[TimeModel, ...]) -> FloatArray:

@@ -9,11 +9,10 @@ import numpy as np
 
 from mrmission.minmax.bounds.lanes import LanesBound, lanes_bound, many_lanes_bound
 from mrmission.minmax.bounds.parts import NEAR
-from mrmission.minmax.costs import speed_scales
+from mrmission.minmax.costs import kinds_of, speed_scales
 from mrmission.minmax.hooks import Hooks, no_hooks
 from mrmission.minmax.least import (
     gain_s,
-    kinds_of,
     least_costs,
     least_home_s,
     least_lanes_s,

@@ -89,7 +89,7 @@ def lane_tours(work: PartWork, prepared: Prepared | None = None) -> PartTours:
     lines, hooks = ready.lines, ready.hooks
     problem = weighted(ready.problem, work.weights)
     if work.line_toll_s > 0:
-        problem = replace(problem, lane_cost=problem.lane_cost + work.line_toll_s)
+        problem = problem.dearer(work.line_toll_s)
     budget_s = min(work.options.time_budget_s, BUDGET_PER_LINE_S * len(lines))
     # thousands of lanes are even already, and to lay them all is dear
     for_trips = work.weights is not None or work.line_toll_s > 0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -47,6 +47,11 @@ class LaneProblem:
     sweep_scale, travel_scale
         (robots,) how many times as much sweeping, and travel between ends, costs a robot; None
         where all are alike.
+    kinds
+        (robots,) which kind each robot is of: 0 where `lane_cost` and `end_cost` hold, n where
+        ``others[n - 1]`` does; None where all are of kind 0.
+    others
+        (lines,) and (2·lines, 2·lines) what those are for the other kinds, before scales.
 
     Raises
     ------
@@ -60,6 +65,8 @@ class LaneProblem:
     sparse: SparseWays | None = None
     sweep_scale: FloatArray | None = None
     travel_scale: FloatArray | None = None
+    kinds: IntArray | None = None
+    others: tuple[tuple[FloatArray, FloatArray], ...] = ()
 
     def __post_init__(self) -> None:
         if self.end_cost is None and self.sparse is None:
@@ -77,8 +84,25 @@ class LaneProblem:
         travel = ones if self.travel_scale is None else np.asarray(self.travel_scale, dtype=float)
         return sweep, travel
 
-    def ways(self, a: npt.NDArray[np.integer], b: npt.NDArray[np.integer]) -> FloatArray:
-        """Return (n,) costs of travel between pairs of ends, for a robot whose scale is 1."""
+    def kind_of(self, robot: int) -> int:
+        """Return which kind a robot is of."""
+        return 0 if self.kinds is None else int(self.kinds[robot])
+
+    def lanes_of(self, kind: int) -> FloatArray:
+        """Return (lines,) costs of sweeping for a kind of robot, before scales."""
+        return self.others[kind - 1][0] if kind else self.lane_cost
+
+    def dearer(self, more: FloatArray | float) -> LaneProblem:
+        """Return the problem with lines that cost more before scales: (lines,), or all as much."""
+        others = tuple((lane + more, ends) for lane, ends in self.others)
+        return replace(self, lane_cost=self.lane_cost + more, others=others)
+
+    def ways(
+        self, a: npt.NDArray[np.integer], b: npt.NDArray[np.integer], kind: int = 0
+    ) -> FloatArray:
+        """Return (n,) costs of travel between pairs of ends for a kind of robot, before scales."""
+        if kind:
+            return self.others[kind - 1][1][a, b]
         if self.end_cost is not None:
             return self.end_cost[a, b]
         assert self.sparse is not None  # one of both is given
@@ -106,9 +130,10 @@ def tour_cost(problem: LaneProblem, robot: int, entries: npt.NDArray[np.integer]
         return 0.0
     exits = entries ^ 1
     sweep, travel = problem.scales()
+    kind = problem.kind_of(robot)
     return float(
         problem.home_cost[robot, entries[0]]
-        + sweep[robot] * problem.lane_cost[entries >> 1].sum()
-        + travel[robot] * problem.ways(exits[:-1], entries[1:]).sum()
+        + sweep[robot] * problem.lanes_of(kind)[entries >> 1].sum()
+        + travel[robot] * problem.ways(exits[:-1], entries[1:], kind).sum()
         + problem.home_cost[robot, exits[-1]]
     )

@@ -35,8 +35,7 @@ def part_costs(lines: tuple[SurveyLine, ...], hooks: Hooks, work: PartWork) -> L
     costs = line_costs(longer, hooks, work.harbour, work.homes_m, work.times, lanes_alone=alone)
     if longer is not lines:  # bounds are those of the lines without their runs
         costs = replace(costs, metres=work.harbour.distance_matrix(ends_of(lines).reshape(-1, 2)))
-    problem = costs.problem
-    return replace(costs, problem=replace(problem, lane_cost=problem.lane_cost + extra_s))
+    return replace(costs, problem=costs.problem.dearer(extra_s))
 
 
 def priced(

@@ -81,20 +81,26 @@ def _search(
     first: tuple[float, float],
 ) -> npt.NDArray[np.float64]:
     """Improve the routes in place; return their costs."""
+    kinds = np.zeros(problem.robots, dtype=np.int64)
+    lane = problem.lane_cost[None]
     if problem.end_cost is not None:
-        ends, near = np.ascontiguousarray(problem.end_cost), _neighbours(problem.end_cost)
+        ends, near = problem.end_cost[None], _neighbours(problem.end_cost)
         table = _NO_TABLE
+        if problem.kinds is not None:
+            kinds = problem.kinds
+            lane = np.stack([problem.lane_cost, *(lanes for lanes, _ in problem.others)])
+            ends = np.stack([problem.end_cost, *(ways for _, ways in problem.others)])
     else:
         assert problem.sparse is not None  # one of both is given
         sparse = problem.sparse
         near = sparse.near
-        ends, table = np.zeros((0, 0)), (sparse.arrays, sparse.second_s, sparse.price)
+        ends, table = np.zeros((0, 0, 0)), (sparse.arrays, sparse.second_s, sparse.price)
     home = np.ascontiguousarray(problem.home_cost)
     state = np.array([(seed * 2654435761 + 88172645463325252) % 2**63], dtype=np.uint64)
-    lane = np.ascontiguousarray(problem.lane_cost)
     out: npt.NDArray[np.float64] = anneal(
-        routes, sizes, cost, lane, ends, table, home, *problem.scales(), near, steps, state, *first
-    )
+        routes, sizes, cost, np.ascontiguousarray(lane), np.ascontiguousarray(ends), table, kinds,
+        home, *problem.scales(), near, steps, state, *first,
+    )  # fmt: skip
     return out
 
 

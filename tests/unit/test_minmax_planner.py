@@ -144,6 +144,56 @@ def test_a_slower_robot_gets_less() -> None:
     assert metres[1] < 0.7 * metres[0]
 
 
+def _unlike(work: PartWork) -> tuple[TimeModel, ...]:
+    """Return how long a boat that pivots takes, one with a rudder, and a fast one with a rudder."""
+    asked = work.options
+    fast = replace(asked, survey_speed_m_s=3.0, transit_speed_m_s=3.0)
+    return time_model(replace(asked, steering="pivoting")), time_model(asked), time_model(fast)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_search_predicts_the_seconds_of_unlike_robots(seed: int) -> None:
+    work = _work(seed)
+    work = replace(work, times=_unlike(work))
+    hooks, extra = find_hooks(work)
+    lines = work.lines + extra
+    costs = line_costs(lines, hooks, work.harbour, work.homes_m, work.times, lanes_alone=False)
+    tours = minmax(costs.problem, 0.1, seed)
+    paths = planner.tour_paths(work.harbour, lines, hooks, tours.entries, lanes_alone=False)
+    for robot, (path, time) in enumerate(zip(paths, work.times, strict=True)):
+        told = tour_cost(costs.problem, robot, tours.entries[robot])
+        assert told == pytest.approx(time.duration_s(path.points_m, path.kind), rel=0.01)
+
+
+def test_the_order_of_unlike_robots_matters_little() -> None:
+    work = _work(6)
+    times = _unlike(work)
+    makespan_s = []
+    for turn in range(3):
+        turned = times[turn:] + times[:turn]
+        paths = planner.lane_tours(replace(work, times=turned)).paths
+        took = [t.duration_s(p.points_m, p.kind) for t, p in zip(turned, paths, strict=True)]
+        assert max(took) < 1.02 * np.mean(took)
+        makespan_s.append(max(took))
+    assert max(makespan_s) < 1.03 * min(makespan_s)
+
+
+def test_robots_are_priced_alike_where_all_ways_for_all_kinds_are_too_many(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    work = _work(1)
+    work = replace(work, times=_unlike(work))
+    monkeypatch.setattr("mrmission.minmax.costs.MOST_NUMBERS", 1000)
+    problem = planner.prepare(work).problem
+    assert problem.kinds is None
+    assert not problem.others
+    seconds = [
+        time.duration_s(path.points_m, path.kind)
+        for path, time in zip(planner.lane_tours(work).paths, work.times, strict=True)
+    ]
+    assert max(seconds) < 1.3 * min(seconds)
+
+
 class _Late(TimeModel):
     """A robot whose paths take longer than anybody priced."""
 

@@ -113,6 +113,50 @@ def test_the_first_split_is_as_even_as_that_order_allows(seed: int) -> None:
     assert got == pytest.approx(min(cuts), rel=1e-9)
 
 
+def _of_kinds(lanes: int, robots: int, seed: int) -> LaneProblem:
+    """Return a problem in which robots of three kinds find other lines and ways dear."""
+    rng = np.random.default_rng(1000 + seed)
+    plain = _problem(lanes, robots, seed)
+    assert plain.end_cost is not None
+    others = []
+    for _ in range(2):
+        lane_cost = plain.lane_cost * rng.uniform(0.4, 2.5, lanes)
+        ways = plain.end_cost * rng.uniform(0.2, 3.0, plain.end_cost.shape)
+        others.append((lane_cost, np.maximum(ways, ways.T)))
+    return replace(
+        plain, kinds=rng.integers(0, 3, robots), others=tuple(others),
+        sweep_scale=rng.uniform(0.7, 1.4, robots), travel_scale=rng.uniform(0.7, 1.4, robots),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_what_lines_and_ways_cost_each_kind_of_robot_is_its_own(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    lanes, robots = int(rng.integers(2, 50)), int(rng.integers(2, 7))
+    problem = _of_kinds(lanes, robots, seed)
+    tours = minmax(problem, 0.05, seed)
+    swept = np.sort(np.concatenate(tours.entries) >> 1)
+    assert swept.tolist() == list(range(lanes))
+    assert problem.kinds is not None
+    for robot, entries in enumerate(tours.entries):
+        kind = int(problem.kinds[robot])
+        lane, ways = ((problem.lane_cost, problem.end_cost), *problem.others)[kind]
+        assert ways is not None
+        sweep, travel = problem.scales()
+        seconds = sweep[robot] * lane[entries >> 1].sum()
+        seconds += travel[robot] * ways[entries[:-1] ^ 1, entries[1:]].sum()
+        if len(entries):
+            seconds += problem.home_cost[robot, [entries[0], entries[-1] ^ 1]].sum()
+        assert tours.cost[robot] == pytest.approx(seconds, rel=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_small_cases_of_unlike_robots_are_solved_to_the_optimum(seed: int) -> None:
+    problem = replace(_of_kinds(5, 2, seed), kinds=np.array([seed % 3, (seed + 1) % 3]))
+    found = min(minmax(problem, 0.1, s).cost.max() for s in range(3))
+    assert found == pytest.approx(_optimum(problem), rel=1e-9)
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_robots_of_different_speed_share_by_speed(seed: int) -> None:
     plain = _problem(40, 3, seed)
