@@ -43,7 +43,8 @@ class FleetTable:
         yield self._robots(wide)
         if not wide:
             starts = "  ".join(
-                f"{row.robot}: {human_lonlat(*row.start_lonlat)}" for row in report.robots
+                f"{row.robot}{' ' * bool(row.name)}{row.name}: {human_lonlat(*row.start_lonlat)}"
+                for row in report.robots
             )
             yield Text.from_markup(f"[dim]start (lon,lat)[/dim] {escape(starts)}\n")
         figures = Table(box=None, show_header=False, pad_edge=False)

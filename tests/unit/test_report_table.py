@@ -58,6 +58,20 @@ def test_table_fits_any_terminal(width):
 
 
 @pytest.mark.parametrize("width", [80, 200])
+def test_names_stand_beside_numbers_where_robots_have_them(width):
+    plan = make_plan(robots=3)
+    rows = plan.report.robots
+    named = (rows[0], dataclasses.replace(rows[1], name="Otter 1"), rows[2])
+    plan = dataclasses.replace(plan, report=dataclasses.replace(plan.report, robots=named))
+    text = " ".join(rendered(plan, width=width).split())
+    assert "2 Otter 1" in text
+    if width == 80:
+        own = units.human_lonlat(*rows[1].start_lonlat)
+        assert f"2 Otter 1: {own}" in text
+        assert f"3: {units.human_lonlat(*rows[2].start_lonlat)}" in text
+
+
+@pytest.mark.parametrize("width", [80, 200])
 def test_trips_and_fences_fit_beside_each_other(width):
     plan = make_plan(robots=2)
     rows = tuple(
