@@ -32,9 +32,12 @@ FAR_M = 1e5
 ANGLES = 181
 BENT = 1.02
 """A way this many times as long as the straight one does not begin in its direction."""
-MOST_NUMBERS = 5e7
-"""Where all ways for all kinds of vehicles would be more numbers than that, all are priced as for
-the first."""
+MOST_KINDS, MOST_NUMBERS = 4, 2e7
+"""No more kinds of vehicles, and no more numbers for all their ways, are told apart."""
+
+
+Kind = tuple[TimeModel, float, float]
+"""A kind of vehicle, and its seconds of sweeping and of travel over the first one's."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,10 +50,13 @@ class LineCosts:
         In seconds.
     metres
         (2 · lines, 2 · lines) lengths of the ways between the ends.
+    kinds
+        The kinds of vehicles that are told apart, see :func:`kinds_of`.
     """
 
     problem: LaneProblem
     metres: FloatArray
+    kinds: tuple[Kind, ...]
 
 
 def line_costs(
@@ -82,9 +88,7 @@ def line_costs(
     metres = harbour.distance_matrix(ends)
     first, last = chosen_pairs(metres)
     near = near_ways(ends, first, last, metres[first, last], harbour)
-    kinds = kinds_of(times)
-    if len(kinds) * metres.size > MOST_NUMBERS:
-        kinds = kinds[:1]
+    kinds = kinds_of(times)[: max(1, min(MOST_KINDS, int(MOST_NUMBERS / max(metres.size, 1))))]
     costs = []
     for time, sweep, travel in kinds:
         hook_s = _mean_hook_s(ends, out, hooks, time, lanes_alone)
@@ -96,29 +100,55 @@ def line_costs(
         lane_s = lengths_m(lines) / time.survey_speed_m_s + _short_lanes_s(lines, time)
         costs.append((lane_s / sweep, cost if travel == 1.0 else cost / travel))
     sweep_scale, travel_scale = speed_scales(times)
-    models = [time for time, _, _ in kinds]
     problem = LaneProblem(
         lane_cost=costs[0][0],
         end_cost=costs[0][1],
         home_cost=_home_seconds(ends, out, homes_m, hooks, harbour, times, lanes_alone),
         sweep_scale=sweep_scale,
         travel_scale=travel_scale,
-        kinds=np.array([models.index(time) for time in times]) if len(models) > 1 else None,
+        kinds=nearest_kinds(times, kinds, times[0].swath_m) if len(kinds) > 1 else None,
         others=tuple(costs[1:]),
     )
-    return LineCosts(problem=problem, metres=metres)
+    return LineCosts(problem=problem, metres=metres, kinds=kinds)
 
 
-def kinds_of(times: tuple[TimeModel, ...]) -> list[tuple[TimeModel, float, float]]:
+def kinds_of(times: tuple[TimeModel, ...]) -> tuple[Kind, ...]:
     """Return each kind of vehicle once, with how many times the first's seconds it takes.
 
     That is for sweeping and for travel, as :func:`speed_scales` has them.
     """
-    out: list[tuple[TimeModel, float, float]] = []
+    out: list[Kind] = []
     for time, sweep, travel in zip(times, *speed_scales(times), strict=True):
         if all(time != other for other, _, _ in out):
             out.append((time, float(sweep), float(travel)))
-    return out
+    return tuple(out)
+
+
+def nearest_kinds(
+    times: tuple[TimeModel, ...], kinds: tuple[Kind, ...], spacing_m: float
+) -> IntArray:
+    """Return (robots,) numbers of their kinds, or of those whose turns take about as long.
+
+    Parameters
+    ----------
+    times
+        How long each robot takes.
+    kinds
+        The kinds that are told apart, not all perhaps.
+    spacing_m
+        From lane to lane.
+    """
+    models = [time for time, _, _ in kinds]
+    turn_s = np.array([time.lane_turn_s(spacing_m) for time in models])
+    return np.array(
+        [
+            models.index(time)
+            if time in models
+            else int(np.argmin(np.abs(turn_s - time.lane_turn_s(spacing_m))))
+            for time in times
+        ],
+        dtype=np.int64,
+    )
 
 
 def speed_scales(times: tuple[TimeModel, ...]) -> tuple[FloatArray, FloatArray]:

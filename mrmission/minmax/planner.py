@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -14,7 +14,7 @@ from mrmission.minmax.cut import cut_lines, swept_in_one_go
 from mrmission.minmax.hooks import Hooks, find_hooks, no_hooks
 from mrmission.minmax.line_bound import bound_of_lines, bound_of_many_lines
 from mrmission.minmax.problem import LaneProblem, LaneTours, SparseWays, tour_cost
-from mrmission.minmax.runs import part_costs, priced
+from mrmission.minmax.runs import part_costs, runs_s, with_runs
 from mrmission.minmax.sparse_costs import SparseCosts, sparse_line_costs
 from mrmission.minmax.travel import DENSE_ENDS
 from mrmission.minmax.trips import weighted
@@ -23,6 +23,7 @@ from mrmission.model import CoveragePath, FloatArray, IntArray, LegKind
 from mrmission.routing.harbour import Harbour
 from mrmission.tour.lines import SurveyLine, ends_of
 from mrmission.tour.path import make_path
+from mrmission.tour.turns import Turns
 from mrmission.tour.work import PartTours, PartWork
 
 BUDGET_PER_LINE_S = 0.03
@@ -89,7 +90,7 @@ def lane_tours(work: PartWork, prepared: Prepared | None = None) -> PartTours:
     lines, hooks = ready.lines, ready.hooks
     problem = weighted(ready.problem, work.weights)
     if work.line_toll_s > 0:
-        problem = problem.dearer(work.line_toll_s)
+        problem = problem.dearer([work.line_toll_s] * (1 + len(problem.others)))
     budget_s = min(work.options.time_budget_s, BUDGET_PER_LINE_S * len(lines))
     # thousands of lanes are even already, and to lay them all is dear
     for_trips = work.weights is not None or work.line_toll_s > 0
@@ -126,7 +127,8 @@ def lines_and_hooks(work: PartWork) -> tuple[tuple[SurveyLine, ...], IntArray, H
     pieces = cut_lines(work)
     hooks, extra = find_hooks(replace(work, lines=pieces.lines))
     lines = pieces.lines + extra
-    if work.time.turn_radius_m > 0:  # arcs go other ways: what they leave is looked for later
+    # arcs go other ways: what they leave is looked for later
+    if all(time.turn_radius_m > 0 for time in work.times):
         hooks = no_hooks(2 * len(lines))
     own = np.arange(len(pieces.lines), len(lines))
     line_of = np.concatenate([pieces.line_of, len(pieces.lines) + own])
@@ -168,13 +170,22 @@ def _evened_out(
 def laid(
     tours: LaneTours, lines: tuple[SurveyLine, ...], hooks: Hooks, work: PartWork
 ) -> tuple[tuple[CoveragePath, ...], FloatArray]:
-    """Return the paths of tours, and the seconds that each robot takes for its own."""
+    """Return the paths of tours, and the seconds that each robot takes for its own.
+
+    Robots that are alike have about as many runs and arcs each, and their paths are timed without;
+    those that differ are timed as they will sail.
+    """
     paths = tour_paths(
         work.harbour, lines, hooks, tours.entries, lanes_alone=work.options.lanes_alone_count
     )
+    shaped = max(work.options.runs_m) > 0 or any(t.turn_radius_m > 0 for t in work.times)
+    sailed: Sequence[CoveragePath] = paths
+    if shaped and any(time != work.time for time in work.times):
+        turns = Turns(work)
+        sailed = turns.for_export(turns.before_covering(paths))
     seconds = [
         time.duration_s(path.points_m, path.kind)
-        for path, time in zip(paths, work.times, strict=True)
+        for path, time in zip(sailed, work.times, strict=True)
     ]
     return paths, np.array(seconds)
 
@@ -186,7 +197,7 @@ def _problems(
     if 2 * len(lines) <= DENSE_ENDS:
         costs = part_costs(lines, hooks, work)
         return costs.problem, costs.metres, None
-    longer, extra_s = priced(lines, work)
+    longer = with_runs(lines, work)
     sparse = sparse_line_costs(
         longer, hooks, work.harbour, work.homes_m, work.times,
         lanes_alone=work.options.lanes_alone_count,
@@ -196,7 +207,8 @@ def _problems(
         near=sparse.near, arrays=sparse.arrays, second_s=sparse.second_s, price=sparse.price
     )
     problem = LaneProblem(
-        lane_cost=sparse.lane_s + extra_s, home_cost=sparse.home_s, sparse=ways,
+        lane_cost=sparse.lane_s + runs_s(lines, longer, work, work.time),
+        home_cost=sparse.home_s, sparse=ways,
         sweep_scale=sweep, travel_scale=travel,
     )  # fmt: skip
     return problem, None, sparse

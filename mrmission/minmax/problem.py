@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -56,7 +57,7 @@ class LaneProblem:
     Raises
     ------
     ValueError
-        When there is neither a matrix nor its substitute.
+        When there is neither a matrix nor its substitute, or several kinds without a matrix.
     """
 
     lane_cost: FloatArray
@@ -71,6 +72,8 @@ class LaneProblem:
     def __post_init__(self) -> None:
         if self.end_cost is None and self.sparse is None:
             raise ValueError("ways between ends: neither a matrix nor a table is given")
+        if self.end_cost is None and self.others:
+            raise ValueError("ways between ends: a table holds for one kind of robot only")
 
     @property
     def robots(self) -> int:
@@ -92,10 +95,13 @@ class LaneProblem:
         """Return (lines,) costs of sweeping for a kind of robot, before scales."""
         return self.others[kind - 1][0] if kind else self.lane_cost
 
-    def dearer(self, more: FloatArray | float) -> LaneProblem:
-        """Return the problem with lines that cost more before scales: (lines,), or all as much."""
-        others = tuple((lane + more, ends) for lane, ends in self.others)
-        return replace(self, lane_cost=self.lane_cost + more, others=others)
+    def dearer(self, more: Sequence[FloatArray | float]) -> LaneProblem:
+        """Return the problem with lines that cost each kind more before scales.
+
+        That is (lines,) of `more` for each kind, or as much for each line.
+        """
+        others = [(lane + m, ends) for (lane, ends), m in zip(self.others, more[1:], strict=True)]
+        return replace(self, lane_cost=self.lane_cost + more[0], others=tuple(others))
 
     def ways(
         self, a: npt.NDArray[np.integer], b: npt.NDArray[np.integer], kind: int = 0

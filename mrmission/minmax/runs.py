@@ -16,6 +16,7 @@ from mrmission.minmax.costs import LineCosts, line_costs, outward
 from mrmission.minmax.hooks import Hooks
 from mrmission.model import FloatArray
 from mrmission.tour.lines import SurveyLine, ends_of, lengths_m
+from mrmission.tour.timing import TimeModel
 from mrmission.tour.turnaround import outer_ends
 from mrmission.tour.work import PartWork
 
@@ -31,32 +32,42 @@ def part_costs(lines: tuple[SurveyLine, ...], hooks: Hooks, work: PartWork) -> L
         The part.
     """
     alone = work.options.lanes_alone_count
-    longer, extra_s = priced(lines, work)
+    longer = with_runs(lines, work)
     costs = line_costs(longer, hooks, work.harbour, work.homes_m, work.times, lanes_alone=alone)
     if longer is not lines:  # bounds are those of the lines without their runs
         costs = replace(costs, metres=work.harbour.distance_matrix(ends_of(lines).reshape(-1, 2)))
+    kinds = costs.kinds
+    extra_s = [runs_s(lines, longer, work, time) / sweep for time, sweep, _ in kinds]
     return replace(costs, problem=costs.problem.dearer(extra_s))
 
 
-def priced(
-    lines: tuple[SurveyLine, ...], work: PartWork
-) -> tuple[tuple[SurveyLine, ...], FloatArray]:
-    """Return the lines as they are to be priced, and (lines,) seconds to be added to each.
+def runs_s(
+    lines: tuple[SurveyLine, ...], longer: tuple[SurveyLine, ...], work: PartWork, time: TimeModel
+) -> FloatArray:
+    """Return (lines,) seconds to be added to the price of each line with its runs.
 
     Runs are transits: where they are part of a line to be priced, what is added makes up for it.
+
+    Parameters
+    ----------
+    lines, longer
+        The lines, and what :func:`with_runs` makes of them.
+    work, time
+        The part, and how long the vehicle takes.
     """
-    time, runs_m = work.time, work.options.runs_m
-    if max(runs_m) <= 0:
-        return lines, np.zeros(len(lines))
     if work.options.vehicle == "copter":
-        return lines, np.full(len(lines), sum(runs_m) / time.transit_speed_m_s)
-    longer = with_runs(lines, work)
+        return np.full(len(lines), sum(work.options.runs_m) / time.transit_speed_m_s)
     run_m = lengths_m(longer) - lengths_m(lines)
-    return longer, run_m * (1.0 / time.transit_speed_m_s - 1.0 / time.survey_speed_m_s)
+    return run_m * (1.0 / time.transit_speed_m_s - 1.0 / time.survey_speed_m_s)
 
 
 def with_runs(lines: tuple[SurveyLine, ...], work: PartWork) -> tuple[SurveyLine, ...]:
-    """Return the lines with a mean run at both ends, as long as there is water for it."""
+    """Return the lines as they are to be priced.
+
+    A boat's have a mean run at both ends, as long as there is water for it.
+    """
+    if max(work.options.runs_m) <= 0 or work.options.vehicle == "copter":
+        return lines
     ends = ends_of(lines).reshape(-1, 2)
     outer = outer_ends(ends, outward(lines), float(np.mean(work.options.runs_m)), work.region_m)
     outer = outer.reshape(-1, 2, 2)

@@ -90,6 +90,7 @@ def _search(
             kinds = problem.kinds
             lane = np.stack([problem.lane_cost, *(lanes for lanes, _ in problem.others)])
             ends = np.stack([problem.end_cost, *(ways for _, ways in problem.others)])
+            near = _neighbours(ends.min(axis=0))
     else:
         assert problem.sparse is not None  # one of both is given
         sparse = problem.sparse

@@ -13,9 +13,9 @@ from mrmission.errors import PlanningError
 from mrmission.mission.build import Route, export_route
 from mrmission.model import CoveragePath
 from mrmission.options import PlanOptions
-from mrmission.stages.turns import Turns
 from mrmission.tour.coverage import Uncovered
 from mrmission.tour.repair import fleet_legs, number_lanes, pieces_to_repair, repair, total_area
+from mrmission.tour.turns import Turns
 from mrmission.tour.work import PartPlan
 
 MAX_EXPORT_ROUNDS = 6

@@ -9,8 +9,8 @@ from dataclasses import replace
 from mrmission.minmax.trips import Allowance, Gauge, TripCutter, as_it_is
 from mrmission.mission.build import Route
 from mrmission.model import CoveragePath, FloatArray
-from mrmission.stages.turns import Turns
 from mrmission.tour.turnaround import with_turnarounds
+from mrmission.tour.turns import Turns
 from mrmission.tour.work import PartPlan, PartWork
 
 

@@ -11,8 +11,9 @@ from lakes import random_lake_m
 
 from mrmission.minmax import planner
 from mrmission.minmax.costs import line_costs
-from mrmission.minmax.hooks import find_hooks
+from mrmission.minmax.hooks import find_hooks, no_hooks
 from mrmission.minmax.least import least_costs
+from mrmission.minmax.runs import part_costs
 from mrmission.minmax.search import minmax, tour_cost
 from mrmission.model import FloatArray
 from mrmission.options import PlanOptions
@@ -165,33 +166,66 @@ def test_the_search_predicts_the_seconds_of_unlike_robots(seed: int) -> None:
         assert told == pytest.approx(time.duration_s(path.points_m, path.kind), rel=0.01)
 
 
-def test_the_order_of_unlike_robots_matters_little() -> None:
-    work = _work(6)
-    times = _unlike(work)
+@pytest.mark.parametrize("seed", [0, 6, 7])
+def test_the_order_of_unlike_robots_matters_little(seed: int) -> None:
+    # all priced as the first: 4 to 7 % apart
+    work = _work(seed)
+    pivoting, steered, _ = _unlike(work)
     makespan_s = []
-    for turn in range(3):
-        turned = times[turn:] + times[:turn]
-        paths = planner.lane_tours(replace(work, times=turned)).paths
-        took = [t.duration_s(p.points_m, p.kind) for t, p in zip(turned, paths, strict=True)]
-        assert max(took) < 1.02 * np.mean(took)
+    for place in range(3):
+        times = tuple(pivoting if robot == place else steered for robot in range(3))
+        paths = planner.lane_tours(replace(work, times=times)).paths
+        took = [t.duration_s(p.points_m, p.kind) for t, p in zip(times, paths, strict=True)]
+        assert max(took) < 1.03 * np.mean(took)
         makespan_s.append(max(took))
-    assert max(makespan_s) < 1.03 * min(makespan_s)
+    assert max(makespan_s) < 1.02 * min(makespan_s)
 
 
-def test_robots_are_priced_alike_where_all_ways_for_all_kinds_are_too_many(
+def test_of_too_many_kinds_the_nearest_stands_for_those_left_out(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    work = _work(1)
-    work = replace(work, times=_unlike(work))
+    work = _work(1, robots=4)
+    pivoting, steered, fast = _unlike(work)
+    work = replace(work, times=(pivoting, steered, fast, steered))
+    monkeypatch.setattr("mrmission.minmax.costs.MOST_KINDS", 2)
+    problem = planner.prepare(work).problem
+    assert problem.kinds is not None
+    assert problem.kinds.tolist() == [0, 1, 1, 1]  # a fast boat turns as a steered one does
     monkeypatch.setattr("mrmission.minmax.costs.MOST_NUMBERS", 1000)
     problem = planner.prepare(work).problem
     assert problem.kinds is None
     assert not problem.others
-    seconds = [
-        time.duration_s(path.points_m, path.kind)
-        for path, time in zip(planner.lane_tours(work).paths, work.times, strict=True)
-    ]
-    assert max(seconds) < 1.3 * min(seconds)
+    swept = [len(entries) for entries in minmax(problem, 0.05, 1).entries]
+    assert min(swept) > 0
+
+
+def test_runs_cost_each_robot_its_own_seconds() -> None:
+    work = _work(1, robots=2, vehicle="copter", run_in_m=20.0, run_out_m=10.0)
+    asked = work.options
+    slow = time_model(replace(asked, survey_speed_m_s=4.0, transit_speed_m_s=2.0))
+    work = replace(work, times=(time_model(asked), slow))
+    lines = work.lines
+    problem = part_costs(lines, no_hooks(2 * len(lines)), work).problem
+    sweep, _ = problem.scales()
+    for robot, time in enumerate(work.times):
+        own_s = sweep[robot] * problem.lanes_of(problem.kind_of(robot))
+        alone = line_costs(
+            lines, no_hooks(2 * len(lines)), work.harbour, work.homes_m[:1], (time,),
+            lanes_alone=asked.lanes_alone_count,
+        )  # fmt: skip
+        runs_s = 30.0 / time.transit_speed_m_s
+        assert own_s == pytest.approx(alone.problem.lane_cost + runs_s)
+
+
+@pytest.mark.parametrize("wide", [(0,), (1,), (0, 1)])
+def test_what_lanes_leave_is_looked_for_unless_nobody_turns_on_the_spot(
+    wide: tuple[int, ...],
+) -> None:
+    work = _work(2, robots=2)
+    arcs = time_model(replace(work.options, turn_radius_m=15.0))
+    times = tuple(arcs if robot in wide else work.times[robot] for robot in range(2))
+    ready = planner.prepare(replace(work, times=times))
+    assert (len(ready.hooks) > 0) == (len(wide) < 2)
 
 
 class _Late(TimeModel):

@@ -186,12 +186,24 @@ def test_a_search_goes_on_from_tours_and_never_to_worse_ones() -> None:
 
 
 @pytest.mark.parametrize("power", [FIRST_POWER, 7.5, AGAIN_POWER, LAST_POWER])
-def test_no_move_is_turned_down_that_its_power_would_allow(power: float) -> None:
+@pytest.mark.parametrize("scale", [0.9, "little"])
+def test_no_move_is_turned_down_that_its_power_would_allow(
+    power: float, scale: float | str
+) -> None:
     rng = np.random.default_rng(int(power))
-    for old, share in zip(rng.uniform(0.2, 1.0, 2000), rng.uniform(-0.9, 0.9, 2000), strict=True):
+    little = scale == "little"
+    widest = 0.1 / power if little else float(scale)
+    share = rng.uniform(-widest, widest, 2000)
+    for old, u in zip(rng.uniform(0.2, 1.0, 2000), share, strict=True):
         energy = old**power
-        grown = (old * (1.0 + share)) ** power - energy
-        least = least_growth(old * share, 1.0 / old, energy, power)
+        grown = (old * (1.0 + u)) ** power - energy
+        least = least_growth(old * u, 1.0 / old, energy, power)
         assert least <= grown + 1e-12 * max(abs(grown), energy)
-        if abs(share) * power < 0.1:  # and it says something
+        if little:  # and it says something
             assert least == pytest.approx(grown, rel=0.06)
+
+
+def test_a_table_of_ways_holds_for_one_kind_of_robot() -> None:
+    problem = _of_kinds(4, 2, 0)
+    with pytest.raises(ValueError, match="one kind"):
+        replace(problem, end_cost=None, sparse=object())
