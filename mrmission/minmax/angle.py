@@ -21,6 +21,7 @@ from typing import Protocol
 import numpy as np
 import shapely
 
+from mrmission import libm
 from mrmission.errors import PlanningError
 from mrmission.minmax.full import more_trips_s
 from mrmission.minmax.planner import BUDGET_PER_LINE_S, Prepared, prepare
@@ -147,13 +148,13 @@ def candidate_bearings(region_m: shapely.Polygon, spacing_m: float) -> tuple[flo
     for edge in shore:
         add(*edge)
     for bearing in np.radians(np.arange(0.0, 180.0, FAN_DEG)):
-        add(np.sin(bearing), np.cos(bearing))
+        add(libm.sin(bearing), libm.cos(bearing))
     return tuple(found)
 
 
 def _bearing_of(east: float, north: float) -> float:
     """Return the bearing of a line, to a thousandth of a degree, at least 0 and below 180."""
-    return round(float(np.degrees(np.arctan2(east, north))) % 180.0, 3) % 180.0
+    return round(float(np.degrees(libm.arctan2(east, north))) % 180.0, 3) % 180.0
 
 
 def _apart_deg(a: float, b: float) -> float:
@@ -173,7 +174,7 @@ def _narrowest(hull: FloatArray) -> FloatArray:
     length = np.hypot(edges[:, 0], edges[:, 1])
     edges = edges[length > 0] / length[length > 0][:, None]
     across = np.column_stack([-edges[:, 1], edges[:, 0]])
-    reach = hull @ across.T
+    reach = hull[:, :1] * across[:, 0] + hull[:, 1:] * across[:, 1]
     width = reach.max(axis=0) - reach.min(axis=0)
     return edges[int(np.argmin(np.round(width, 6)))]
 

@@ -14,7 +14,9 @@ from itertools import pairwise
 import numpy as np
 from numba import njit
 
+from mrmission import libm
 from mrmission.minmax.hooks import Hooks
+from mrmission.minmax.nearest import nearest_ends
 from mrmission.minmax.problem import LaneProblem
 from mrmission.minmax.ways import Ways, hooked_ways, straight
 from mrmission.model import FloatArray, IntArray, LegKind
@@ -186,14 +188,10 @@ def chosen_pairs(metres: FloatArray) -> tuple[IntArray, IntArray]:
         (ends, ends) lengths of the ways between them.
     """
     n = len(metres)
-    count = min(NEAR + 1, n - 1)
-    if count <= 0:
-        return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
-    nearest = np.argpartition(metres, count, axis=1)[:, : count + 1]
+    nearest = nearest_ends(metres, NEAR)
     here = np.repeat(np.arange(n), nearest.shape[1])
     there = nearest.ravel()
-    other = (here >> 1) != (there >> 1)
-    low, high = np.minimum(here, there)[other], np.maximum(here, there)[other]
+    low, high = np.minimum(here, there), np.maximum(here, there)
     key = np.unique(low * n + high)
     return key // n, key % n
 
@@ -236,7 +234,7 @@ def near_seconds(
     """Return the seconds of the ways between pairs of near ends, corners and hooks included."""
     first, last = near.first, near.last
     if time.turn_radius_m > 0:
-        leave, enter = (np.arctan2(side[:, 1], side[:, 0]) for side in (out[first], -out[last]))
+        leave, enter = (libm.arctan2(side[:, 1], side[:, 0]) for side in (out[first], -out[last]))
         turn_m = turn_cost_m(ends[first], leave, ends[last], enter, time.turn_radius_m)
         return np.maximum(turn_m, near.metres) / time.transit_speed_m_s
     ways = hooked_ways(first, last, near.start, near.points_m, hooks, always=lanes_alone)
@@ -330,7 +328,7 @@ def _mean_hook_s(
     if len(hooked) == 0:
         return seconds
     bearings = np.arange(8) * (np.pi / 4)
-    step = STUB_M * np.column_stack([np.cos(bearings), np.sin(bearings)])
+    step = STUB_M * np.column_stack([libm.cos(bearings), libm.sin(bearings)])
     first = np.repeat(hooked, len(step))
     start, points = straight(ends[first], ends[first] + np.tile(step, (len(hooked), 1)))
     nowhere = np.full(len(first), -1, dtype=np.int64)
@@ -352,7 +350,7 @@ def _corner_table(time: TimeModel) -> tuple[FloatArray, float]:
     plain = Ways(start=start, points_m=points, hooked=np.zeros(2 * n, dtype=np.int8))
     ahead = np.tile([1.0, 0.0], (n, 1))
     seconds = ways_s(plain, ahead, np.zeros((n, 2)), time) - STUB_M / time.transit_speed_m_s
-    angle = np.arccos(cosine)
+    angle = libm.arccos(cosine)
     mean = float(np.trapezoid(seconds[::-1], angle[::-1]) / np.pi)
     return seconds, mean
 

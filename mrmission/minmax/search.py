@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mrmission.minmax.annealing import anneal
+from mrmission.minmax.nearest import nearest_ends
 from mrmission.minmax.problem import LaneProblem, LaneTours, tour_cost
 from mrmission.minmax.split import giant_tour, split_tour
 
@@ -128,12 +129,4 @@ _NO_TABLE = (
 
 def _neighbours(end_cost: npt.NDArray[np.float64]) -> npt.NDArray[np.int32]:
     """Return for each end the nearest ends of other lines, nearest first."""
-    ends = end_cost.copy()
-    n = len(ends)
-    here = np.arange(n)
-    ends[here, here] = np.inf
-    ends[here, here ^ 1] = np.inf
-    count = min(NEIGHBOURS, n - 2)
-    part = np.argpartition(ends, count - 1, axis=1)[:, :count]
-    rank = np.argsort(np.take_along_axis(ends, part, axis=1), axis=1, kind="stable")
-    return np.ascontiguousarray(np.take_along_axis(part, rank, axis=1).astype(np.int32))
+    return nearest_ends(end_cost, NEIGHBOURS).astype(np.int32)

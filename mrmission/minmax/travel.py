@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from mrmission.minmax.nearest import nearest_ends
 from mrmission.model import FloatArray
 from mrmission.routing.harbour import Harbour
 from mrmission.routing.water import Near
@@ -118,20 +119,7 @@ def travel_between(harbour: Harbour, ends_m: FloatArray, *, dense_ends: int = DE
 
 def _nearest_of(dense_m: FloatArray) -> Int:
     """Return (2n, K) the nearest ends of other lanes, by a matrix of all lengths."""
-    n = len(dense_m)
-    count = max(0, min(NEAR, n - 2))
-    out = np.empty((n, count), dtype=np.int32)
-    if count == 0:
-        return out
-    for first in range(0, n, 512):
-        rows = np.arange(first, min(first + 512, n))
-        away = dense_m[rows].copy()
-        away[np.arange(len(rows)), rows] = np.inf
-        away[np.arange(len(rows)), rows ^ 1] = np.inf
-        part = np.sort(np.argpartition(away, count - 1, axis=1)[:, :count], axis=1)
-        rank = np.argsort(np.take_along_axis(away, part, axis=1), axis=1, kind="stable")
-        out[rows] = np.take_along_axis(part, rank, axis=1)
-    return out
+    return nearest_ends(dense_m, NEAR).astype(np.int32)
 
 
 def _nearest_in(table: Near, lengths: int) -> tuple[Int, FloatArray]:

@@ -487,7 +487,7 @@ def may_hold(
     >>> may_hold(np.array([10.0, 10.0]), np.array([0.0, 5.0]), [12.0, 12.0, 12.0, 12.0, 12.0])
     True
     """
-    order = np.argsort(reach_m)[::-1]
+    order = np.argsort(reach_m, kind="stable")[::-1]
     beyond = np.cumsum(np.asarray(sweep_m)[order])
     r = np.asarray(reach_m)[order]
     room = np.maximum(0.0, np.asarray(allowed_m)[:, None] - 2 * r[None, :]).sum(axis=0)

@@ -89,7 +89,7 @@ def fleet_reach_bound_s(
         Infinite where no number of trips gets far enough.
     """
     reach_m, area_m2 = _reach_of(region_m, homes_m, max(robot.swath_m for robot in robots))
-    order = np.argsort(reach_m)[::-1]
+    order = np.argsort(reach_m, kind="stable")[::-1]
     r = reach_m[order]
     beyond_m2 = np.cumsum(area_m2[order]) - missed_m2
     counts = (r > 0) & (beyond_m2 > 0)

@@ -196,12 +196,13 @@ def lonlat_polynomial(plan: FleetPlan) -> dict[str, Any]:
     lon = middle + (lon - middle + 180.0) % 360.0 - 180.0
     powers = range(_LONLAT_DEGREE + 1)
     basis = np.column_stack([u**i * v**j for i in powers for j in powers])
-    fit = np.linalg.lstsq(basis, np.column_stack([lon, lat]), rcond=None)[0]
+    found: FloatArray = np.linalg.lstsq(basis, np.column_stack([lon, lat]), rcond=None)[0]
+    fit = np.round(found, 12) + 0.0  # degrees; no -0
     return {
         "centre_m": [round(float(value), 3) for value in centre],
         "scale_m": round(float(scale), 3),
         "degree": _LONLAT_DEGREE,
-        # 12 significant digits: stable from one machine's linear algebra to the next, and enough.
+        # 12 digits: stable from one machine's linear algebra to the next, and enough
         "lon": [float(f"{value:.11e}") for value in fit[:, 0]],
         "lat": [float(f"{value:.11e}") for value in fit[:, 1]],
     }

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import shapely
 
+from mrmission import libm
 from mrmission.model import FloatArray
 from mrmission.routing.bends import straighten
 from mrmission.routing.shore_grid import Int
@@ -69,7 +70,7 @@ class Harbour:
 
     def _disc_corners(self, robot: int) -> FloatArray:
         angle = 2 * np.pi * np.arange(_CORNERS) / _CORNERS
-        circle = np.column_stack([np.cos(angle), np.sin(angle)])
+        circle = np.column_stack([libm.cos(angle), libm.sin(angle)])
         return self.berths_m[robot] + self.radius_m[robot] * circle
 
     def rimmed(self, margin_m: float) -> shapely.Geometry:

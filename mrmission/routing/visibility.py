@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from mrmission import libm
 from mrmission.routing.shore_grid import Float, Grid, Int
 
 Graph: TypeAlias = tuple[Float, Float, Float, Float, Float, Int, Int, Float, Float, Int]
@@ -136,13 +137,13 @@ def corner_blocks(node: Float, before: Float, after: Float) -> Float:
     mean /= np.maximum(size, 1e-6)[:, None]
     cosine = (edges * np.repeat(mean, BLOCK, axis=0)[: len(node)]).sum(axis=2).min(axis=0)
     # Some slack, so that rounding never hides a corner.
-    spread = np.arccos(np.clip(np.minimum.reduceat(cosine, first), -1, 1)) + 1e-3
+    spread = libm.arccos(np.clip(np.minimum.reduceat(cosine, first), -1, 1)) + 1e-3
     spread[size < 1e-6] = np.pi
     out = np.empty((len(first), 7))
     out[:, :2] = (low + high) / 2
     out[:, 2] = np.hypot(*(high - low).T) * 0.5000005 + 1e-5
     out[:, 3:5] = mean
-    out[:, 5], out[:, 6] = np.sin(spread), np.cos(spread)
+    out[:, 5], out[:, 6] = libm.sin(spread), libm.cos(spread)
     return out
 
 

@@ -19,6 +19,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from mrmission import libm
 from mrmission.model import FloatArray, IntArray
 
 WORDS = ("LSL", "RSR", "LSR", "RSL", "RLR", "LRL")
@@ -58,10 +59,10 @@ def dubins_words(start: FloatArray, goal: FloatArray, radius_m: float) -> FloatA
     start, goal = np.reshape(start, (-1, 3)), np.reshape(goal, (-1, 3))
     step = (goal[:, :2] - start[:, :2]) / radius_m
     d = np.hypot(step[:, 0], step[:, 1])
-    theta = np.arctan2(step[:, 1], step[:, 0])
+    theta = libm.arctan2(step[:, 1], step[:, 0])
     a, b = start[:, 2] - theta, goal[:, 2] - theta
-    sa, ca, sb, cb = np.sin(a), np.cos(a), np.sin(b), np.cos(b)
-    cab = np.cos(a - b)
+    sa, ca, sb, cb = libm.sin(a), libm.cos(a), libm.sin(b), libm.cos(b)
+    cab = libm.cos(a - b)
     out = np.full((len(d), len(WORDS), 3), np.inf)
 
     def enter(word: int, first: FloatArray, middle: FloatArray, last: FloatArray) -> None:
@@ -74,20 +75,20 @@ def dubins_words(start: FloatArray, goal: FloatArray, radius_m: float) -> FloatA
         # rounding may take a straight piece of no length below nothing
         return np.sqrt(np.where(square > -1e-12, np.maximum(square, 0.0), np.nan))
 
-    tangent = np.arctan2(cb - ca, d + sa - sb)
+    tangent = libm.arctan2(cb - ca, d + sa - sb)
     enter(0, tangent - a, root(2 + d * d - 2 * cab + 2 * d * (sa - sb)), b - tangent)
-    tangent = np.arctan2(ca - cb, d - sa + sb)
+    tangent = libm.arctan2(ca - cb, d - sa + sb)
     enter(1, a - tangent, root(2 + d * d - 2 * cab + 2 * d * (sb - sa)), tangent - b)
     p = root(d * d - 2 + 2 * cab + 2 * d * (sa + sb))
-    tangent = np.arctan2(-ca - cb, d + sa + sb) - np.arctan2(-2.0, p)
+    tangent = libm.arctan2(-ca - cb, d + sa + sb) - libm.arctan2(-2.0, p)
     enter(2, tangent - a, p, tangent - b)
     p = root(d * d - 2 + 2 * cab - 2 * d * (sa + sb))
-    tangent = np.arctan2(ca + cb, d - sa - sb) - np.arctan2(2.0, p)
+    tangent = libm.arctan2(ca + cb, d - sa - sb) - libm.arctan2(2.0, p)
     enter(3, a - tangent, p, b - tangent)
     for word, side in ((4, 1.0), (5, -1.0)):
         cosine = (6 - d * d + 2 * cab + side * 2 * d * (sa - sb)) / 8
-        p = _TURN - np.arccos(np.where(np.abs(cosine) <= 1, cosine, np.nan))
-        t = side * a - np.arctan2(ca - cb, d - side * (sa - sb)) + p / 2
+        p = _TURN - libm.arccos(np.where(np.abs(cosine) <= 1, cosine, np.nan))
+        t = side * a - libm.arctan2(ca - cb, d - side * (sa - sb)) + p / 2
         enter(word, t, p, side * (a - b) - t + p)
     return out
 
@@ -161,23 +162,23 @@ def dubins_polylines(
         turn = side * size
         count = np.where(np.abs(turn) > _NONE_RAD, np.ceil(np.abs(turn) / max_bend_rad), 0)
         most = int(count.max(initial=0))
-        normal = np.column_stack([-np.sin(heading), np.cos(heading)])
+        normal = np.column_stack([-libm.sin(heading), libm.cos(heading)])
         centre = at + side[:, None] * radius_m * normal
         if most:
             bend = turn / np.maximum(count, 1)
             # corners stand over the middles of equal shares of the arc; the last one is repeated
             share = np.minimum(np.arange(most)[None], np.maximum(count - 1, 0)[:, None]) + 0.5
             angle = heading[:, None] - side[:, None] * (math.pi / 2) + share * bend[:, None]
-            reach = radius_m / np.cos(bend / 2)
-            ring = reach[:, None, None] * np.stack([np.cos(angle), np.sin(angle)], axis=2)
+            reach = radius_m / libm.cos(bend / 2)
+            ring = reach[:, None, None] * np.stack([libm.cos(angle), libm.sin(angle)], axis=2)
             corner = centre[:, None] + ring
             straight = count == 0
             corner[straight] = at[straight, None]  # on the line, as if it were not there
             out.append(corner)
-        ahead = np.column_stack([np.cos(heading), np.sin(heading)])
+        ahead = np.column_stack([libm.cos(heading), libm.sin(heading)])
         on_line = side == 0
         heading = heading + turn
-        after = np.column_stack([-np.sin(heading), np.cos(heading)])
+        after = np.column_stack([-libm.sin(heading), libm.cos(heading)])
         on_arc = centre - side[:, None] * radius_m * after
         moved = at + (radius_m * size)[:, None] * ahead
         at = np.where(on_line[:, None], moved, on_arc)

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from mrmission import libm
 from mrmission.model import CoveragePath, FloatArray, LegKind
 from mrmission.routing.berth_water import BerthWater
 from mrmission.tour.path import make_path
@@ -120,7 +121,7 @@ def _best(
         The leg from the corner on.
     """
     come = at - before[0]
-    heading = np.arctan2(come[1], come[0])
+    heading = libm.arctan2(come[1], come[0])
     side, angle, far = (
         x.ravel() for x in np.meshgrid((1.0, -1.0), np.radians(ASIDE_DEG), ASIDE_M, indexing="ij")
     )
@@ -162,14 +163,14 @@ def _best(
 
 
 def _unit(heading_rad: FloatArray) -> FloatArray:
-    return np.stack([np.cos(heading_rad), np.sin(heading_rad)], axis=-1)
+    return np.stack([libm.cos(heading_rad), libm.sin(heading_rad)], axis=-1)
 
 
 def _turns(ways: FloatArray) -> FloatArray:
     """Return (n, m - 2) changes of course, degrees, of (n, m, 2); 0 at a repeated point."""
     leg = np.diff(ways, axis=1)
     still = (leg == 0).all(axis=2)
-    heading = np.arctan2(leg[..., 1], leg[..., 0])
+    heading = libm.arctan2(leg[..., 1], leg[..., 0])
     for j in range(1, heading.shape[1]):  # a leg of no length goes on as the one before
         heading[:, j] = np.where(still[:, j], heading[:, j - 1], heading[:, j])
     return np.degrees(np.abs((np.diff(heading, axis=1) + np.pi) % (2 * np.pi) - np.pi))

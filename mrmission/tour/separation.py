@@ -24,6 +24,7 @@ from itertools import combinations, pairwise
 import numpy as np
 from numba import njit
 
+from mrmission import libm
 from mrmission.model import CoveragePath, FloatArray, read_only
 from mrmission.tour.path import make_path
 from mrmission.tour.separation_kernel import box_tree, least_apart, near_legs, pair_distance
@@ -171,7 +172,7 @@ def _trip_times(
     legs = time.legs_s(points, kind)
     total_s = time.duration_s(points, kind)
     way = np.diff(points, axis=0)
-    course = np.arctan2(way[:, 1], way[:, 0])
+    course = libm.arctan2(way[:, 1], way[:, 0])
     turn = np.append(np.abs((np.diff(course) + np.pi) % (2 * np.pi) - np.pi), 0.0)
     extra_s = total_s - float(legs.sum())
     if extra_s < 0 or turn.sum() == 0:

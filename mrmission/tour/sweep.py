@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 import shapely
 
+from mrmission import libm
 from mrmission.decomposition.cells import decompose
 from mrmission.decomposition.slices import lane_intervals, slices_of_polygon
 from mrmission.errors import PlanningError
@@ -59,16 +61,16 @@ class SweepFrame:
     @property
     def _axes(self) -> FloatArray:
         """Return rows ``[across, along]`` as unit vectors in the local frame."""
-        b = np.radians(self.bearing_deg)
-        return np.array([[np.cos(b), -np.sin(b)], [np.sin(b), np.cos(b)]])
+        b = math.radians(self.bearing_deg)
+        return np.array([[math.cos(b), -math.sin(b)], [math.sin(b), math.cos(b)]])
 
     def to_sweep(self, points_m: FloatArray) -> FloatArray:
         """Turn (..., 2) local points into sweep coordinates."""
-        return points_m @ self._axes.T
+        return libm.turned(points_m, self._axes.T)
 
     def to_local(self, sweep_m: FloatArray) -> FloatArray:
         """Turn (..., 2) sweep coordinates into local points."""
-        return sweep_m @ self._axes
+        return libm.turned(sweep_m, self._axes)
 
     def turn(self, geometry: shapely.Geometry) -> shapely.Geometry:
         """Return a geometry of the local frame in the sweep frame."""
@@ -208,7 +210,7 @@ def best_bearing_deg(
         edge = np.diff(ring, axis=0)
         longest = np.argsort(-np.hypot(*edge.T), kind="stable")[:most]
         for east, north in edge[longest]:
-            bearing = float(np.degrees(np.arctan2(east, north)) % 180.0)
+            bearing = float(np.degrees(libm.arctan2(east, north)) % 180.0)
             candidates.append(round(bearing, 3) % 180.0)
     costs = [sweep_cost_s(region_m, b, spacing_m, speed_m_s, turn_s) for b in candidates]
     return candidates[int(np.argmin(costs))]

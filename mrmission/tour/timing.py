@@ -12,6 +12,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from mrmission import libm
 from mrmission.model import FloatArray, LegKind
 from mrmission.tour.time_table import TimeRow, TimeTable, default_table
 
@@ -254,7 +255,7 @@ class TimeModel:
         """
         radius_m = 0.5 * self.swath_m
         half = 0.5 * np.radians(np.minimum(turn_deg, 179.0))
-        tangent = np.tan(half)
+        tangent = libm.tan(half)
         enough = np.minimum(length[:-1], length[1:]) >= radius_m * tangent
         if radius_m == 0:
             return np.zeros(len(turn_deg))
@@ -287,7 +288,7 @@ class TimeModel:
 
 def turns_deg(leg_m: FloatArray) -> FloatArray:
     """Return (n - 1,) changes of course, 0 to 180 degrees, between (n, 2) legs."""
-    heading = np.arctan2(leg_m[:, 1], leg_m[:, 0])
+    heading = libm.arctan2(leg_m[:, 1], leg_m[:, 0])
     return np.degrees(np.abs((np.diff(heading) + np.pi) % (2 * np.pi) - np.pi))
 
 

@@ -18,6 +18,7 @@ from itertools import pairwise
 import numpy as np
 import shapely
 
+from mrmission import libm
 from mrmission.model import BoolArray, CoveragePath, FloatArray, LegKind
 from mrmission.tour.dubins import dubins_lengths, pose
 from mrmission.tour.manoeuvre import Choices, Waters, chain, single_ways
@@ -79,10 +80,10 @@ def sharp_corners(points_m: FloatArray, waters: Waters) -> BoolArray:
         return out
     leg = np.diff(points_m, axis=0)
     length = np.hypot(leg[:, 0], leg[:, 1])
-    heading = np.arctan2(leg[:, 1], leg[:, 0])
+    heading = libm.arctan2(leg[:, 1], leg[:, 0])
     turn = np.zeros(n)
     turn[1:-1] = np.abs((np.diff(heading) + np.pi) % (2 * np.pi) - np.pi)
-    tangent = waters.radius_m * np.tan(0.5 * np.minimum(turn, 3.0))
+    tangent = waters.radius_m * libm.tan(0.5 * np.minimum(turn, 3.0))
     tight = tangent[:-1] + tangent[1:] > FIT_SHARE * length + FIT_M
     out |= turn > waters.max_bend_rad + 0.02
     bent = turn > _LEAST_BEND_RAD
@@ -358,7 +359,7 @@ def _bends(way: FloatArray, waters: Waters) -> list[Choices]:
 def _room(at: FloatArray, waters: Waters) -> Choices:
     """Return poses about a point, to turn in where there is no room at the point itself."""
     angle = np.pi / 4 * np.arange(8)
-    ring = np.column_stack([np.cos(angle), np.sin(angle)])
+    ring = np.column_stack([libm.cos(angle), libm.sin(angle)])
     places = np.concatenate([at + waters.radius_m * r * ring for r in (1.5, 3.5)])
     region = waters.harbour.region
     places = places[shapely.contains_xy(region, places[:, 0], places[:, 1])]

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mrmission.minmax.bounds.odd_sets import odd_sets
+from mrmission.minmax.nearest import nearest_ends
 from mrmission.model import FloatArray, IntArray
 
 NEAR = 8
@@ -116,15 +117,7 @@ def more_covers(covers: Covers, legs: Legs, mean: FloatArray, mean_home: FloatAr
 
 def near_ends(end_s: FloatArray) -> IntArray:
     """Return (ends, at most NEAR) nearest ends of other lines."""
-    m = len(end_s)
-    count = min(NEAR, m - 2)
-    if count <= 0:
-        return np.zeros((m, 0), dtype=np.int64)
-    away = end_s.copy()
-    here = np.arange(m)
-    away[here, here] = np.inf
-    away[here, here ^ 1] = np.inf
-    return np.argpartition(away, count - 1, axis=1)[:, :count].astype(np.int64)
+    return nearest_ends(end_s, NEAR)
 
 
 def near_legs(near: IntArray, task: Task) -> Legs:
