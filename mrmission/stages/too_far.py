@@ -32,9 +32,10 @@ def explain_too_far(base: TripWork, error: TooFarError, frame: LocalFrame) -> st
     if by_items:
         need = count_items(base.as_sailed(row, path).kind, own)
         turns = " with turns of --turn-radius" if base.work.times[row].turn_radius_m > 0 else ""
+        more = ", others to cover what that leaves" if need <= gauge.allowance.items else ""
         return (
-            f"{where} takes {need} mission items there and back{turns}, and all must fit into "
-            f"{gauge.allowance.items:.0f}; give a larger --max-items or a nearer --start"
+            f"{where} takes {need} mission items there and back{turns}{more}, and all must fit "
+            f"into {gauge.allowance.items:.0f}; give a larger --max-items or a nearer --start"
         )
     kept = 1.0 - own.reserve
     if own.endurance_m is not None:

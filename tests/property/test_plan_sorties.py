@@ -227,6 +227,12 @@ def test_a_place_whose_turns_take_too_many_items_is_named_with_what_they_take() 
     found = re.search(r"takes (\d+) mission items .* turns of --turn-radius", str(caught.value))
     assert found is not None
     assert int(found[1]) > 12
+    fewer = wishes(limits=VehicleLimits(mission_items=11), turn_radius_m=6.0)
+    with pytest.raises(InfeasibleError) as caught:
+        plan(lake(4), fewer)
+    found = re.search(r"takes (\d+) mission items [^,]*(, others to cover)?", str(caught.value))
+    assert found is not None
+    assert (int(found[1]) > 11) == (found[2] is None)
 
 
 def test_the_least_number_of_trips_of_few_lanes() -> None:
