@@ -2,8 +2,8 @@
 
 numpy has several versions of these and takes the one that suits the processor; their last digits
 differ. A search that weighs one cost against another goes another way for a last digit, so what it
-hangs on is computed with these, which are those of the C library. Products of matrices are left to
-a library that does as numpy does: :func:`turned` is for points.
+hangs on is computed with these, which are those of the C library. Products of matrices, for which
+numpy's library has as many versions, are sums of plain products here: :func:`times`.
 """
 
 from __future__ import annotations
@@ -46,7 +46,6 @@ def arctan2(y, x):  # type: ignore[no-untyped-def]
     return math.atan2(y, x)
 
 
-def turned(points: FloatArray, axes: FloatArray) -> FloatArray:
-    """Return (..., 2) points times a (2, 2) matrix: ``points @ axes``."""
-    x, y = points[..., 0], points[..., 1]
-    return np.stack([x * axes[0, 0] + y * axes[1, 0], x * axes[0, 1] + y * axes[1, 1]], axis=-1)
+def times(points: FloatArray, matrix: FloatArray) -> FloatArray:
+    """Return (..., 2) points times a (2, m) matrix: ``points @ matrix``."""
+    return points[..., :1] * matrix[0] + points[..., 1:] * matrix[1]

@@ -174,7 +174,7 @@ def _narrowest(hull: FloatArray) -> FloatArray:
     length = np.hypot(edges[:, 0], edges[:, 1])
     edges = edges[length > 0] / length[length > 0][:, None]
     across = np.column_stack([-edges[:, 1], edges[:, 0]])
-    reach = hull[:, :1] * across[:, 0] + hull[:, 1:] * across[:, 1]
+    reach = libm.times(hull, across.T)
     width = reach.max(axis=0) - reach.min(axis=0)
     return edges[int(np.argmin(np.round(width, 6)))]
 

@@ -55,6 +55,8 @@ def runs_s(
     work, time
         The part, and how long the vehicle takes.
     """
+    if max(work.options.runs_m) <= 0:
+        return np.zeros(len(lines))
     if work.options.vehicle == "copter":
         return np.full(len(lines), sum(work.options.runs_m) / time.transit_speed_m_s)
     run_m = lengths_m(longer) - lengths_m(lines)

@@ -85,13 +85,13 @@ def _search(
     kinds = np.zeros(problem.robots, dtype=np.int64)
     lane = problem.lane_cost[None]
     if problem.end_cost is not None:
-        ends, near = problem.end_cost[None], _neighbours(problem.end_cost)
-        table = _NO_TABLE
+        table, ends, least = _NO_TABLE, problem.end_cost[None], problem.end_cost
         if problem.kinds is not None:
             kinds = problem.kinds
             lane = np.stack([problem.lane_cost, *(lanes for lanes, _ in problem.others)])
             ends = np.stack([problem.end_cost, *(ways for _, ways in problem.others)])
-            near = _neighbours(ends.min(axis=0))
+            least = ends.min(axis=0)
+        near = nearest_ends(least, NEIGHBOURS).astype(np.int32)
     else:
         assert problem.sparse is not None  # one of both is given
         sparse = problem.sparse
@@ -125,8 +125,3 @@ _NO_TABLE = (
         np.zeros(0),
     ),
 )
-
-
-def _neighbours(end_cost: npt.NDArray[np.float64]) -> npt.NDArray[np.int32]:
-    """Return for each end the nearest ends of other lines, nearest first."""
-    return nearest_ends(end_cost, NEIGHBOURS).astype(np.int32)

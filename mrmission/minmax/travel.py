@@ -106,7 +106,7 @@ def travel_between(harbour: Harbour, ends_m: FloatArray, *, dense_ends: int = DE
     ends = np.ascontiguousarray(ends_m, dtype=np.float64).reshape(-1, 2)
     if len(ends) <= max(dense_ends, 2):
         dense = harbour.distance_matrix(ends)
-        near = _nearest_of(dense)
+        near = nearest_ends(dense, NEAR).astype(np.int32)
         near_m = np.take_along_axis(dense, near.astype(np.int64), axis=1)
         return Travel(ends_m=ends, dense_m=dense, near=near, near_m=near_m, arrays=None)
     _, straight = _straight_nearest(ends, np.arange(len(ends)), min(TABLE, len(ends) - 2))
@@ -115,11 +115,6 @@ def travel_between(harbour: Harbour, ends_m: FloatArray, *, dense_ends: int = DE
     near, near_m = _nearest_in(table, len(ends))
     arrays = _clustered(harbour, ends, table, reach_m)
     return Travel(ends_m=ends, dense_m=None, near=near, near_m=near_m, arrays=arrays)
-
-
-def _nearest_of(dense_m: FloatArray) -> Int:
-    """Return (2n, K) the nearest ends of other lanes, by a matrix of all lengths."""
-    return nearest_ends(dense_m, NEAR).astype(np.int32)
 
 
 def _nearest_in(table: Near, lengths: int) -> tuple[Int, FloatArray]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from mrmission.model import FleetPlan
+from mrmission.model import FleetPlan, RobotReport
 from mrmission.report.colours import robot_colour
 from mrmission.report.metrics import report_json, report_text, summary_lines
 from mrmission.report.units import (
@@ -43,8 +43,7 @@ class FleetTable:
         yield self._robots(wide)
         if not wide:
             starts = "  ".join(
-                f"{row.robot}{' ' * bool(row.name)}{row.name}: {human_lonlat(*row.start_lonlat)}"
-                for row in report.robots
+                f"{_called(row)}: {human_lonlat(*row.start_lonlat)}" for row in report.robots
             )
             yield Text.from_markup(f"[dim]start (lon,lat)[/dim] {escape(starts)}\n")
         figures = Table(box=None, show_header=False, pad_edge=False)
@@ -85,7 +84,7 @@ class FleetTable:
             robots.add_column("fence", justify="right")
         longest_s = max((row.duration_s for row in report.robots), default=0.0)
         for row in report.robots:
-            label = f"■ {row.robot}" + (f" {row.name}" if wide and row.name else "")
+            label = f"■ {_called(row) if wide else row.robot}"
             cells = [Text(label, style=robot_colour(row.robot, dark=True))]
             if wide:
                 cells.append(Text(human_lonlat(*row.start_lonlat)))
@@ -102,6 +101,11 @@ class FleetTable:
                 cells.append(Text(f"{row.fence_points} pts{land}"))
             robots.add_row(*cells, style="bold" if row.duration_s >= longest_s > 0 else None)
         return robots
+
+
+def _called(row: RobotReport) -> str:
+    """Return a robot's number, and its name if it has one."""
+    return f"{row.robot} {row.name}".rstrip()
 
 
 def fleet_table(plan: FleetPlan) -> FleetTable:

@@ -66,11 +66,11 @@ class SweepFrame:
 
     def to_sweep(self, points_m: FloatArray) -> FloatArray:
         """Turn (..., 2) local points into sweep coordinates."""
-        return libm.turned(points_m, self._axes.T)
+        return libm.times(points_m, self._axes.T)
 
     def to_local(self, sweep_m: FloatArray) -> FloatArray:
         """Turn (..., 2) sweep coordinates into local points."""
-        return libm.turned(sweep_m, self._axes)
+        return libm.times(sweep_m, self._axes)
 
     def turn(self, geometry: shapely.Geometry) -> shapely.Geometry:
         """Return a geometry of the local frame in the sweep frame."""
