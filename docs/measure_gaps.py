@@ -53,23 +53,30 @@ def read_case(name: str, folder: Path) -> tuple[SurveyArea, Path]:
     return read_area(image, METRES_PER_PX, (-80.0, 34.0), None), folder / "area.geojson"
 
 
+def options_of(area: SurveyArea, columns: int, **more: Any) -> PlanOptions:
+    """Return the options of a case: a swath of the longest side over `columns`, see the module."""
+    frame = LocalFrame.of(area)
+    water = project_polygons(area.water_lonlat, frame)
+    x_min, y_min, x_max, y_max = water.bounds
+    point = parts_by_size(navigable_region(water, 0.0))[0].representative_point()
+    start = tuple(np.round(frame.to_lonlat(np.array([[point.x, point.y]]))[0], 7).tolist())
+    return PlanOptions(
+        swath_m=max(x_max - x_min, y_max - y_min) / columns, overlap=0.0, clearance_m=0.0,
+        starts_lonlat=(start,), fence=False, separation_m=0.0,
+        limits=VehicleLimits(mission_items=20_000), **more,
+    )  # fmt: skip
+
+
 def run(case: dict[str, Any], judge: str | None) -> dict[str, Any]:
     """Plan one case, return its figures."""
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
         began = time.process_time()
         area, scored = read_case(case["area"], folder)
-        frame = LocalFrame.of(area)
-        water = project_polygons(area.water_lonlat, frame)
-        x_min, y_min, x_max, y_max = water.bounds
-        columns = MAP_COLUMNS if case["area"].startswith("map:") else COLUMNS
-        swath = max(x_max - x_min, y_max - y_min) / columns
-        point = parts_by_size(navigable_region(water, 0.0))[0].representative_point()
-        start = tuple(np.round(frame.to_lonlat(np.array([[point.x, point.y]]))[0], 7).tolist())
-        options = PlanOptions(
-            robots=case["k"], swath_m=swath, overlap=0.0, clearance_m=0.0, method=case["method"],
-            starts_lonlat=(start,), fence=False, separation_m=0.0, seed=case["seed"],
-            limits=VehicleLimits(mission_items=20_000), time_budget_s=case["budget"],
+        options = options_of(
+            area, MAP_COLUMNS if case["area"].startswith("map:") else COLUMNS,
+            robots=case["k"], method=case["method"], seed=case["seed"],
+            time_budget_s=case["budget"],
         )  # fmt: skip
         try:
             fleet = plan(area, options)
@@ -96,12 +103,17 @@ def run(case: dict[str, Any], judge: str | None) -> dict[str, Any]:
             command = [
                 sys.executable, judge, str(scored),
                 *map(str, sorted((folder / "out").glob("*.plan"))),
-                "--swath", repr(swath), "--clearance", "0.0",
-                f"--start={start[0]},{start[1]}", "--json",
+                "--swath", repr(options.swath_m), "--clearance", "0.0",
+                "--start={},{}".format(*options.starts_lonlat[0]), "--json",
             ]  # fmt: skip
             done = subprocess.run(command, capture_output=True, text=True, check=False)
             row["score"] = json.loads(done.stdout) if done.returncode == 0 else done.stderr[-300:]
         return row
+
+
+def _warm() -> None:
+    """Load what is compiled before anything is timed."""
+    run({"area": "map:0", "k": 8, "method": "minmax", "seed": 0, "budget": 0.1}, None)
 
 
 def _median_of_seeds(rows: list[dict[str, Any]], key: str) -> dict[str, float]:
@@ -254,7 +266,7 @@ def main() -> None:
         for k in args.k or [2, 4, 8, 16, 32]
     ]
     todo = [case for case in todo if tuple(case[key] for key in KEYS) not in seen]
-    with ProcessPoolExecutor(args.workers) as pool, args.out.open("a") as stream:
+    with ProcessPoolExecutor(args.workers, initializer=_warm) as pool, args.out.open("a") as stream:
         futures = [pool.submit(run, case, args.judge) for case in todo]
         for case, future in zip(todo, futures, strict=True):
             try:

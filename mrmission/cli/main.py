@@ -96,7 +96,7 @@ def run(argv: list[str]) -> int:
             raise
         click.echo(
             f"mrmission: this is a bug ({type(error).__name__}: {error}); "
-            "run again with --debug for the traceback and report it",
+            "run again as mrmission --debug ... for the traceback and report it",
             err=True,
         )
         return EXIT_BUG

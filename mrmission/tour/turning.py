@@ -319,6 +319,7 @@ def _end_choices(path: CoveragePath, index: int, side: int, waters: Waters) -> C
     # beyond the end of a lane: ahead of it where it is left, behind where it is entered
     place = at - side * offset[:, None] * unit
     free = waters.clear(np.stack([np.broadcast_to(at, place.shape), place], axis=1))
+    free |= offset <= 0.0  # on the lane itself, whose end may lie a hair outside
     heading = math.atan2(unit[1], unit[0])
     return Choices(poses=pose(place[free], heading), cost_m=np.abs(offset[free]))
 

@@ -69,7 +69,7 @@ def test_never_above_the_optimum() -> None:
     terms: dict[str, int] = {}
     tight = []
     for case in range(240):
-        lines, robots = int(rng.integers(1, 7 if case % 4 == 0 else 6)), int(rng.integers(1, 4))
+        lines, robots = int(rng.integers(1, 12 if case % 4 == 0 else 7)), int(rng.integers(1, 5))
         make = _with_walls if case % 3 == 2 else _open_water
         line, end, home = make(rng, lines, robots)
         best = best_makespan(line, end, home)
@@ -94,8 +94,8 @@ def test_few_tours_are_bounded_by_arms_alone(monkeypatch: pytest.MonkeyPatch) ->
 @pytest.mark.usefixtures("_with_prices")
 def test_never_above_the_optimum_of_unlike_robots_and_any_numbers() -> None:
     rng = np.random.default_rng(8)
-    for case in range(40):
-        lines, robots = int(rng.integers(1, 5)), int(rng.integers(1, 4))
+    for case in range(60):
+        lines, robots = int(rng.integers(1, 9)), int(rng.integers(1, 5))
         line, end, home = _open_water(rng, lines, robots)
         if case % 2:  # the numbers need not be distances
             end = rng.uniform(0, 60, (2 * lines, 2 * lines))

@@ -29,7 +29,7 @@ def test_never_above_the_best_trips(alike: bool) -> None:
     rng = np.random.default_rng(30 + alike)
     more = 0
     for case in range(200):
-        lines, robots = int(rng.integers(1, 6)), int(rng.integers(1, 4))
+        lines, robots = int(rng.integers(1, 9)), int(rng.integers(1, 4))
         line, end, home = _lines(rng, lines, robots)
         sweep, travel = np.ones((2, robots)) if alike else rng.uniform(0.5, 2, (2, robots))
         own = travel[:, None] * home

@@ -79,6 +79,13 @@ def test_at_the_shore_a_turn_begins_before_the_end_of_the_lane() -> None:
     assert after.points_m[:, 1].max() > 195
 
 
+def test_a_lane_that_ends_a_hair_outside_is_turned_at_too() -> None:
+    before = lanes([60, 80, 100, 120], low=-0.002, high=200.0)
+    after, left = round_transits(before, waters(BASIN, 9.0), SWATH_M)
+    assert len(left) == 0
+    assert_turns(after, 9.0, BASIN)
+
+
 def test_a_way_around_an_island_bends_by_arcs() -> None:
     island = shapely.Polygon([(60, 90), (140, 90), (140, 110), (60, 110)])
     region = BASIN - island
