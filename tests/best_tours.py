@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from mrmission.model import FloatArray
 
@@ -19,69 +18,56 @@ def best_makespan(
 ) -> float:
     """The optimum by looking at every set of lines for every robot, and for each of its trips.
 
-    Infinite where no trips of at most `trip` seconds do; between two lie `swap` seconds. Up to 18
-    lines are a matter of seconds.
+    Infinite where no trips of at most `trip` seconds do; between two lie `swap` seconds.
     """
-    robots = len(home_s)
-    ones, none = np.ones(robots), np.zeros(robots)
-    a, b = (ones if x is None else np.asarray(x, dtype=float) for x in (sweep, travel))
-    best = np.full(1 << len(line_s), np.inf)
-    best[0] = 0.0
+    lines, robots = len(line_s), len(home_s)
+    full = (1 << lines) - 1
+    done = {0: 0.0}
     for r in range(robots):
-        mine = _tours(a[r] * line_s, np.ascontiguousarray(b[r] * end_s), b[r] * home_s[r])
+        a = 1.0 if sweep is None else float(sweep[r])
+        b = 1.0 if travel is None else float(travel[r])
+        end, home, line = (b * end_s).tolist(), (b * home_s[r]).tolist(), (a * line_s).tolist()
+        # least seconds from home over a set of lines to the end where the last is left
+        best = [[np.inf] * (2 * lines) for _ in range(full + 1)]
+        closed = [np.inf] * (full + 1)
+        closed[0] = 0.0
+        for e in range(2 * lines):
+            best[1 << (e >> 1)][e ^ 1] = home[e] + line[e >> 1]
+        for mask in range(1, full + 1):
+            for x in range(2 * lines):
+                here = best[mask][x]
+                if here == np.inf:
+                    continue
+                closed[mask] = min(closed[mask], here + home[x])
+                for e in range(2 * lines):
+                    if not mask >> (e >> 1) & 1:
+                        new = here + end[x][e] + line[e >> 1]
+                        grown = best[mask | 1 << (e >> 1)]
+                        grown[e ^ 1] = min(grown[e ^ 1], new)
         if trip is not None:
-            mine = _in_trips(mine, float(trip[r]), float((none if swap is None else swap)[r]))
-        best = _shared(best, mine)
-    return float(best[-1])
+            closed = _in_trips(closed, float(trip[r]), 0.0 if swap is None else float(swap[r]))
+        reach: dict[int, float] = {}
+        for swept, cost in done.items():
+            mask = full & ~swept
+            while True:
+                value = max(cost, closed[mask])
+                reach[swept | mask] = min(reach.get(swept | mask, np.inf), value)
+                if mask == 0:
+                    break
+                mask = (mask - 1) & (full & ~swept)
+        done = reach
+    return done[full]
 
 
-@njit(cache=True)
-def _tours(line, end, home):  # type: ignore[no-untyped-def]
-    """Return the least seconds from home over every set of lines and back."""
-    n = len(line)
-    # over a set of lines to the end where the last is left
-    best = np.full((1 << n, 2 * n), np.inf)
-    closed = np.full(1 << n, np.inf)
-    closed[0] = 0.0
-    for e in range(2 * n):
-        best[1 << (e >> 1), e ^ 1] = home[e] + line[e >> 1]
-    for swept in range(1, 1 << n):
-        for x in range(2 * n):
-            here = best[swept, x]
-            if here == np.inf:
-                continue
-            closed[swept] = min(closed[swept], here + home[x])
-            for e in range(2 * n):
-                if not swept >> (e >> 1) & 1:
-                    more = swept | 1 << (e >> 1)
-                    best[more, e ^ 1] = min(best[more, e ^ 1], here + end[x, e] + line[e >> 1])
-    return closed
-
-
-@njit(cache=True)
-def _shared(before, mine):  # type: ignore[no-untyped-def]
-    """Return the least makespan over every set with one robot more."""
-    out = np.full(len(mine), np.inf)
-    for swept in range(len(mine)):
-        part = swept
-        while True:
-            out[swept] = min(out[swept], max(mine[part], before[swept ^ part]))
-            if part == 0:
-                break
-            part = (part - 1) & swept
-    return out
-
-
-@njit(cache=True)
-def _in_trips(closed, trip, swap):  # type: ignore[no-untyped-def]
-    """Return the least seconds over every set in any number of trips, from those of one each."""
-    best = np.full(len(closed), np.inf)
+def _in_trips(closed: list[float], trip: float, swap: float) -> list[float]:
+    """Least seconds over every set of lines in any number of trips, from those of one trip each."""
+    best = [np.inf] * len(closed)
     best[0] = 0.0
-    for swept in range(1, len(closed)):
-        one = swept
+    for mask in range(1, len(closed)):
+        one = mask
         while one:
             if closed[one] <= trip:
-                rest = swept ^ one
-                best[swept] = min(best[swept], closed[one] + (best[rest] + swap if rest else 0.0))
-            one = (one - 1) & swept
+                rest = mask & ~one
+                best[mask] = min(best[mask], closed[one] + (best[rest] + swap if rest else 0.0))
+            one = (one - 1) & mask
     return best

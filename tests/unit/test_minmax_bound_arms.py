@@ -14,6 +14,8 @@ from mrmission.minmax.bounds.tree import FINEST, Arms, arms_of
 from mrmission.model import FloatArray, IntArray
 from tests.best_tours import best_makespan
 
+pytestmark = pytest.mark.usefixtures("not_every_order")
+
 
 def _task(line: FloatArray, end: FloatArray, home: FloatArray) -> Task:
     robots = len(home)

@@ -5,9 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from mrmission.minmax.bounds.few_lines import few_lines_makespan
 from mrmission.minmax.bounds.lanes import lanes_bound
 from mrmission.model import FloatArray
 from tests.best_tours import best_makespan
+
+pytestmark = pytest.mark.usefixtures("not_every_order")
 
 
 def _lines(rng: np.random.Generator, lines: int, robots: int) -> tuple[FloatArray, ...]:
@@ -33,10 +36,10 @@ def test_never_above_the_best_trips(alike: bool) -> None:
         line, end, home = _lines(rng, lines, robots)
         sweep, travel = np.ones((2, robots)) if alike else rng.uniform(0.5, 2, (2, robots))
         own = travel[:, None] * home
-        plain = best_makespan(line, end, home, sweep, travel)
+        plain = few_lines_makespan(line, end, own, (sweep, travel))
         trip = rng.uniform(0.4, 1.1, 1 if alike else robots) * np.full(robots, plain)
         swap = rng.uniform(0, 30, 1 if alike else robots) * np.ones(robots)
-        best = best_makespan(line, end, home, sweep, travel, trip, swap)
+        best = few_lines_makespan(line, end, own, (sweep, travel), (trip, swap))
         if best == np.inf:  # some line is too far
             continue
         given = {"line_s": line, "end_s": end, "home_s": own}

@@ -1,7 +1,8 @@
 """The bound for chosen lines: what the longest tour takes at least if each is swept in one go.
 
-The greatest of what the work, the farthest line, prices (:mod:`.prices`) and arms
-(:mod:`.arms`) say. The proofs are in ``docs/bounds.md``.
+Few lines are shared out in every way (:mod:`.few_lines`). Of more it is the greatest of what the
+work, the farthest line, prices (:mod:`.prices`) and arms (:mod:`.arms`) say. The proofs are in
+``docs/bounds.md``.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mrmission.minmax.bounds.arms import arms_makespan
+from mrmission.minmax.bounds.few_lines import few_lines_makespan
 from mrmission.minmax.bounds.parts import NEAR, Task, near_ends, near_legs
 from mrmission.minmax.bounds.prices import MANY, SHARES, prices_makespan
 from mrmission.minmax.bounds.prices_kernels import depths
@@ -36,9 +38,9 @@ class LanesBound:
     makespan_s
         Seconds.
     term
-        What it comes from, in words: ``work shared out``, ``connection``, ``reach and connection``,
-        ``arms and connection`` or ``farthest line``; of many lines some end with
-        ``, as the crow flies``.
+        What it comes from, in words: ``every order``, ``work shared out``, ``connection``,
+        ``reach and connection``, ``arms and connection`` or ``farthest line``; of many lines some
+        end with ``, as the crow flies``.
     """
 
     makespan_s: float
@@ -141,7 +143,12 @@ def _bound(
     if len(line_s) == 0 or robots == 0:
         return LanesBound(makespan_s=0.0, term="work shared out")
     ones = np.ones(robots)
-    pace = np.minimum(*(ones if s is None else np.asarray(s, dtype=np.float64) for s in scales))
+    sweep, travel = (ones if s is None else np.asarray(s, dtype=np.float64) for s in scales)
+    if near is None:
+        least = few_lines_makespan(line_s, end_s, home_s, (sweep, travel), trips)
+        if 0.0 < least < math.inf:
+            return LanesBound(makespan_s=least * (1.0 - MARGIN), term="every order")
+    pace = np.minimum(sweep, travel)
     # robots slower than the fastest count for less than one of it
     fastest = float(pace.min())
     line = np.ascontiguousarray(line_s, dtype=np.float64)
