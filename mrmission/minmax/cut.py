@@ -16,7 +16,7 @@ from itertools import pairwise
 import numpy as np
 
 from mrmission.minmax.problem import LaneTours
-from mrmission.model import FloatArray, IntArray
+from mrmission.model import BoolArray, FloatArray, IntArray
 from mrmission.tour.lines import LineKind, SurveyLine, between, lengths_m
 from mrmission.tour.work import PartWork
 
@@ -81,7 +81,10 @@ def cut_lines(work: PartWork) -> Pieces:
 
 
 def swept_in_one_go(
-    lines: tuple[SurveyLine, ...], tours: LaneTours, line_of: IntArray
+    lines: tuple[SurveyLine, ...],
+    tours: LaneTours,
+    line_of: IntArray,
+    apart: BoolArray | None = None,
 ) -> tuple[tuple[SurveyLine, ...], IntArray]:
     """Return the lines as tours sweep them: pieces that follow on each other are one again.
 
@@ -93,6 +96,8 @@ def swept_in_one_go(
         What sweeps them.
     line_of
         (pieces,) which line each piece is of, see :class:`Pieces`.
+    apart
+        (2 · pieces,) ends at which pieces are not made one; None where there are none.
 
     Returns
     -------
@@ -113,6 +118,7 @@ def swept_in_one_go(
                 and abs((entry >> 1) - (before >> 1)) == 1
                 and (entry & 1) == int(entry < before)
                 and (before & 1) == int(entry > before)
+                and (apart is None or not (apart[entry] or apart[before]))
             )
             if goes_on:
                 ends[-1] = entry ^ 1

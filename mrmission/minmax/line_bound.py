@@ -37,7 +37,7 @@ def bound_of_lines(
     lines: tuple[SurveyLine, ...],
     hooks: Hooks,
     work: PartWork,
-    metres: FloatArray,
+    metres: FloatArray | None = None,
     trips: Trips | None = None,
 ) -> LanesBound:
     """Return a time that no plan beats that sweeps these lines, each in one go.
@@ -49,10 +49,12 @@ def bound_of_lines(
     work
         The part, with every robot once.
     metres
-        (2 · lines, 2 · lines) lengths of the ways between the ends.
+        (2 · lines, 2 · lines) lengths of the ways between the ends; None where they are not known.
     trips
         What is known of trips; None where all robots go out once.
     """
+    if metres is None:
+        metres = work.harbour.distance_matrix(ends_of(lines).reshape(-1, 2))
     least = least_costs(
         lines, hooks, work.harbour, work.homes_m, work.times, metres,
         lanes_alone=work.options.lanes_alone_count, runs=max(work.options.runs_m) > 0,
@@ -125,8 +127,7 @@ def trips_bound(work: PartWork, paths: Sequence[CoveragePath]) -> LanesBound | N
     own = [work.options.of_robot(robot) for robot in once.robots]
     trip_s = ROOM * np.array([Allowance.of(options).seconds for options in own])
     swap_s = np.array([options.swap_time_s for options in own])
-    metres = work.harbour.distance_matrix(ends)
-    return bound_of_lines(lines, no_hooks(len(ends)), once, metres, (trip_s, swap_s))
+    return bound_of_lines(lines, no_hooks(len(ends)), once, trips=(trip_s, swap_s))
 
 
 def lines_swept(

@@ -15,6 +15,7 @@ from mrmission.minmax.hooks import Hooks, find_hooks, no_hooks
 from mrmission.minmax.line_bound import bound_of_lines, bound_of_many_lines
 from mrmission.minmax.problem import LaneProblem, LaneTours, SparseWays, tour_cost
 from mrmission.minmax.runs import part_costs, runs_s, with_runs
+from mrmission.minmax.slide import slid
 from mrmission.minmax.sparse_costs import SparseCosts, sparse_line_costs
 from mrmission.minmax.travel import DENSE_ENDS
 from mrmission.minmax.trips import weighted
@@ -33,6 +34,8 @@ ROUNDS = 2
 ROUND_SHARE = 0.15
 """So often, and with that share of the budget each time, tours are made even as their paths are
 laid."""
+SLIDES = 4
+"""So often cuts are slid: each time from the seconds of the paths as they were laid last."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,7 +52,7 @@ class Prepared:
         What the search is told.
     metres, beyond
         Of all ways between ends, with a matrix or without one where it would be too large; None
-        for the other.
+        for the other, and where they are not known.
     begun
         Tours of a short search.
     """
@@ -100,7 +103,30 @@ def lane_tours(work: PartWork, prepared: Prepared | None = None) -> PartTours:
     if ready.begun is not None and ready.begun.cost.max() < tours.cost.max():
         tours = ready.begun  # a long search is better as a rule, not always
     tours, paths = _evened_out(problem, tours, lines, hooks, work, rounds, ROUND_SHARE * budget_s)
+    if rounds > 0 and budget_s > 0:
+        ready, paths = _slid(ready, tours, paths)
     return PartTours(method="minmax", paths=paths, lanes_bound=_bound_of(ready, tours, work))
+
+
+def _slid(
+    ready: Prepared, tours: LaneTours, paths: tuple[CoveragePath, ...]
+) -> tuple[Prepared, tuple[CoveragePath, ...]]:
+    """Return lines cut elsewhere, and paths over them, where the last robot is home earlier so."""
+    lines, hooks, work = ready.lines, ready.hooks, ready.work
+    best, best_paths = lines, paths
+    took_s = laid_s(paths, work)
+    best_s = float(took_s.max())
+    for _ in range(SLIDES):
+        before = lines
+        lines = slid(lines, hooks, tours, ready.line_of, work, took_s)
+        if lines is before:
+            break
+        paths, took_s = laid(tours, lines, hooks, work)
+        if took_s.max() < best_s:
+            best, best_paths, best_s = lines, paths, float(took_s.max())
+    if best is ready.lines:
+        return ready, best_paths
+    return replace(ready, lines=best, metres=None), best_paths
 
 
 def _bound_of(ready: Prepared, tours: LaneTours, work: PartWork) -> Callable[[], LanesBound] | None:
@@ -113,10 +139,9 @@ def _bound_of(ready: Prepared, tours: LaneTours, work: PartWork) -> Callable[[],
     if ready.beyond is not None:
         near = ready.beyond.near.astype(np.int64)
         return partial(bound_of_many_lines, ready.lines, near, work)
-    assert ready.metres is not None  # either of two kinds
     lines, ends = swept_in_one_go(ready.lines, tours, ready.line_of)
-    hooks, metres = ready.hooks.of_ends(ends), ready.metres[np.ix_(ends, ends)]
-    return partial(bound_of_lines, lines, hooks, work, metres)
+    metres = None if ready.metres is None else ready.metres[np.ix_(ends, ends)]
+    return partial(bound_of_lines, lines, ready.hooks.of_ends(ends), work, metres)
 
 
 def lines_and_hooks(work: PartWork) -> tuple[tuple[SurveyLine, ...], IntArray, Hooks]:
@@ -178,6 +203,11 @@ def laid(
     paths = tour_paths(
         work.harbour, lines, hooks, tours.entries, lanes_alone=work.options.lanes_alone_count
     )
+    return paths, laid_s(paths, work)
+
+
+def laid_s(paths: tuple[CoveragePath, ...], work: PartWork) -> FloatArray:
+    """Return (robots,) the seconds that each robot takes for its path, see :func:`laid`."""
     shaped = max(work.options.runs_m) > 0 or any(t.turn_radius_m > 0 for t in work.times)
     sailed: Sequence[CoveragePath] = paths
     if shaped and any(time != work.time for time in work.times):
@@ -187,7 +217,7 @@ def laid(
         time.duration_s(path.points_m, path.kind)
         for path, time in zip(sailed, work.times, strict=True)
     ]
-    return paths, np.array(seconds)
+    return np.array(seconds)
 
 
 def _problems(
