@@ -110,6 +110,8 @@ def slid(
         np.array([1.0 / time.survey_speed_m_s for time in work.times]),
         np.asarray(took_s, dtype=np.float64), work.sweep.column_pitch_m,
     )  # fmt: skip
+    if not moved_m.any():
+        return lines
     ends = ends_of(runs.lines).reshape(-1, 2)
     for mine in (cuts.before, cuts.after):
         ends[mine] += moved_m[:, None] * cuts.along
