@@ -16,7 +16,7 @@ from mrmission.stages.trip_search import Planner
 from mrmission.stages.trip_work import TripWork
 from mrmission.tour.work import PartPlan
 
-TOLLS = (0.12, 0.25, 0.5, 1.0)
+TOLLS = (0.12, 0.18, 0.25, 0.35, 0.5, 0.7, 1.0)
 """What the lanes of a full memory count, against the longest tour; the least that does is taken."""
 BUDGET_SHARE = 0.4
 """Of the time budget, for each of them."""

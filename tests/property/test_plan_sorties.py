@@ -137,8 +137,9 @@ def test_no_mission_is_longer_than_a_vehicle_holds(seed: int) -> None:
     assert_whole(result, options)
 
 
-def test_a_robot_with_many_items_gives_some_away_before_it_goes_out_twice() -> None:
-    area = lake(5, 550.0, 3)
+@pytest.mark.parametrize("seed", [1, 2, 7])
+def test_a_robot_with_many_items_gives_some_away_before_it_goes_out_twice(seed: int) -> None:
+    area = lake(seed, 550.0, 3)
     usual: dict[str, Any] = {"robots": 5, "swath_m": 20.0, "time_budget_s": 0.2}
     free = plan(area, wishes(**usual))
     most = max(row.items for row in free.report.robots)
