@@ -19,7 +19,7 @@ from mrmission.minmax.slide import slid
 from mrmission.minmax.sparse_costs import SparseCosts, sparse_line_costs
 from mrmission.minmax.travel import DENSE_ENDS
 from mrmission.minmax.trips import weighted
-from mrmission.minmax.ways import hooked_ways
+from mrmission.minmax.ways import hooked_ways, shortest_ways, ways_between
 from mrmission.model import CoveragePath, FloatArray, IntArray, LegKind
 from mrmission.routing.harbour import Harbour
 from mrmission.tour.lines import SurveyLine, ends_of
@@ -102,20 +102,23 @@ def lane_tours(work: PartWork, prepared: Prepared | None = None) -> PartTours:
     tours = minmax(problem, searched_s, work.options.seed)
     if ready.begun is not None and ready.begun.cost.max() < tours.cost.max():
         tours = ready.begun  # a long search is better as a rule, not always
-    tours, paths = _evened_out(problem, tours, lines, hooks, work, rounds, ROUND_SHARE * budget_s)
+    tours, paths, took_s = _evened_out(
+        problem, tours, lines, hooks, work, rounds, ROUND_SHARE * budget_s
+    )
     if rounds > 0 and budget_s > 0:
-        ready, paths = _slid(ready, tours, paths)
+        ready, paths = _slid(ready, tours, paths, took_s)
     return PartTours(method="minmax", paths=paths, lanes_bound=_bound_of(ready, tours, work))
 
 
 def _slid(
-    ready: Prepared, tours: LaneTours, paths: tuple[CoveragePath, ...]
+    ready: Prepared, tours: LaneTours, paths: tuple[CoveragePath, ...], took_s: FloatArray
 ) -> tuple[Prepared, tuple[CoveragePath, ...]]:
-    """Return lines cut elsewhere, and paths over them, where the last robot is home earlier so."""
+    """Return lines cut elsewhere, and paths over them, where the last robot is home earlier so.
+
+    `took_s` are the seconds of the paths.
+    """
     lines, hooks, work = ready.lines, ready.hooks, ready.work
-    best, best_paths = lines, paths
-    took_s = laid_s(paths, work)
-    best_s = float(took_s.max())
+    best, best_paths, best_s = lines, paths, float(took_s.max())
     for _ in range(SLIDES):
         before = lines
         lines = slid(lines, hooks, tours, ready.line_of, work, took_s)
@@ -168,8 +171,8 @@ def _evened_out(
     work: PartWork,
     rounds: int,
     budget_s: float,
-) -> tuple[LaneTours, tuple[CoveragePath, ...]]:
-    """Return tours whose paths, as they are laid, end at nearly the same time.
+) -> tuple[LaneTours, tuple[CoveragePath, ...], FloatArray]:
+    """Return tours whose paths, as they are laid, end at nearly the same time, the paths, seconds.
 
     A path takes longer than its tour was priced at where short legs follow on each other, and where
     ways are far or bent. What a robot's path took more, the next search adds to its tour.
@@ -178,8 +181,8 @@ def _evened_out(
 
     paths, took_s = laid(tours, lines, hooks, work)
     if budget_s <= 0 or len(paths) < 2:
-        return tours, paths
-    best, best_paths, best_s = tours, paths, float(took_s.max())
+        return tours, paths, took_s
+    best = tours, paths, took_s
     for _ in range(rounds):
         more_s = took_s - np.array([tour_cost(problem, r, e) for r, e in enumerate(tours.entries)])
         handicap = replace(
@@ -187,9 +190,9 @@ def _evened_out(
         )
         tours = minmax(handicap, budget_s, work.options.seed, tours)
         paths, took_s = laid(tours, lines, hooks, work)
-        if took_s.max() < best_s:
-            best, best_paths, best_s = tours, paths, float(took_s.max())
-    return best, best_paths
+        if took_s.max() < best[2].max():
+            best = tours, paths, took_s
+    return best
 
 
 def laid(
@@ -203,11 +206,6 @@ def laid(
     paths = tour_paths(
         work.harbour, lines, hooks, tours.entries, lanes_alone=work.options.lanes_alone_count
     )
-    return paths, laid_s(paths, work)
-
-
-def laid_s(paths: tuple[CoveragePath, ...], work: PartWork) -> FloatArray:
-    """Return (robots,) the seconds that each robot takes for its path, see :func:`laid`."""
     shaped = max(work.options.runs_m) > 0 or any(t.turn_radius_m > 0 for t in work.times)
     sailed: Sequence[CoveragePath] = paths
     if shaped and any(time != work.time for time in work.times):
@@ -217,7 +215,7 @@ def laid_s(paths: tuple[CoveragePath, ...], work: PartWork) -> FloatArray:
         time.duration_s(path.points_m, path.kind)
         for path, time in zip(sailed, work.times, strict=True)
     ]
-    return np.array(seconds)
+    return paths, np.array(seconds)
 
 
 def _problems(
@@ -266,41 +264,25 @@ def tour_paths(
         Whether ways cover nothing; hooks are then swept, else they are part of a transit.
     """
     ends = ends_of(lines).reshape(-1, 2)
-    busy = [r for r, mine in enumerate(entries) if len(mine)]
-    head = np.array([entries[r][0] for r in busy], dtype=np.int64)
-    tail = np.array([entries[r][-1] ^ 1 for r in busy], dtype=np.int64)
-    none = [np.zeros(0, dtype=np.int64)]
-    leave = np.concatenate([*none, *(entries[r][:-1] ^ 1 for r in busy)])
-    enter = np.concatenate([*none, *(entries[r][1:] for r in busy)])
-    plain = [
-        *harbour.home_paths(busy, ends[head]),
-        *(way[::-1] for way in harbour.home_paths(busy, ends[tail])),
-        *harbour.paths(ends[leave], ends[enter]),
-    ]
-    nowhere = np.full(len(busy), -1, dtype=np.int64)
+    pairs, owner = ways_between(entries)
+    plain = shortest_ways(harbour, ends, pairs, owner)
     sizes = np.array([len(way) for way in plain], dtype=np.int64)
+    first, last = pairs.T
     ways = hooked_ways(
-        np.concatenate([nowhere, tail, leave]),
-        np.concatenate([head, nowhere, enter]),
+        first,
+        last,
         np.concatenate([[0], np.cumsum(sizes)]),
         np.concatenate([np.zeros((0, 2)), *plain]),
         hooks,
         always=lanes_alone,
     )
-    bits = _in_water(harbour, ways.points_m, ways.start, ways.hooked)
+    bits = iter(_in_water(harbour, ways.points_m, ways.start, ways.hooked))
     sweep_kind = LegKind.SURVEY if lanes_alone else LegKind.TRANSIT
     paths: list[CoveragePath] = []
-    between = 2 * len(busy)
     for robot, mine in enumerate(entries):
-        if robot not in busy:
-            paths.append(make_path(robot + 1, harbour.berths_m[robot][None], [], []))
-            continue
-        place = busy.index(robot)
-        order = [place, *range(between, between + len(mine) - 1), len(busy) + place]
-        between += len(mine) - 1
         points, kinds, lanes = [harbour.berths_m[robot][None]], [], []
-        for number, way in enumerate(order):
-            for bit, label in bits[way]:
+        for number in range(len(mine) + 1 if len(mine) else 0):
+            for bit, label in next(bits):
                 points.append(bit[1:])
                 swept = sweep_kind if label else LegKind.TRANSIT
                 kinds.extend([int(swept)] * (len(bit) - 1))

@@ -18,7 +18,7 @@ from mrmission.minmax.costs import kinds_of, outward, ways_s
 from mrmission.minmax.cut import swept_in_one_go
 from mrmission.minmax.hooks import Hooks
 from mrmission.minmax.problem import LaneTours
-from mrmission.minmax.ways import hooked_ways
+from mrmission.minmax.ways import hooked_ways, shortest_ways, ways_between
 from mrmission.model import BoolArray, FloatArray, IntArray
 from mrmission.tour.lines import SurveyLine, ends_of, lengths_m
 from mrmission.tour.work import PartWork
@@ -172,12 +172,12 @@ def _ways_to(
         (ways, PLACES) what each takes at shifts of :data:`PLACE` lane spacings from one to the
         next, none in the middle.
     """
-    pairs, owner = _ways_between(runs)
+    pairs, owner = ways_between(runs.entries)
     cut_of = np.full(len(runs.ends) + 1, -1, dtype=np.int64)  # the last for home, -1
     cut_of[cuts.before] = cut_of[cuts.after] = np.arange(len(cuts.before))
     used = (cut_of[pairs] >= 0).any(axis=1)
     pairs, owner = pairs[used], owner[used]
-    ways = _laid(pairs, owner, runs, work)
+    ways = shortest_ways(work.harbour, ends_of(runs.lines).reshape(-1, 2), pairs, owner)
     cut = cut_of[pairs]
     # a straight way changes by how both of its ends move, a bent one by each of them alone
     bent = np.array([len(way) > 2 for way in ways], dtype=np.bool_)
@@ -198,33 +198,6 @@ def _ways_to(
     shifted = _shifted([ways[i] for i in row.tolist()], turned, by, work)
     seconds = _seconds(shifted, np.repeat(pairs, PLACES, axis=0), owner, runs, work)
     return cut, sign, owner, seconds
-
-
-def _ways_between(runs: _Runs) -> tuple[IntArray, IntArray]:
-    """Return (ways, 2) the ends that tours go between, -1 for home, and (ways,) whose they are."""
-    home = np.array([-1])
-    pairs = [
-        np.column_stack([np.concatenate([home, mine ^ 1]), np.concatenate([mine, home])])
-        for mine in runs.entries
-    ]
-    return np.concatenate(pairs), np.repeat(np.arange(len(pairs)), [len(p) for p in pairs])
-
-
-def _laid(pairs: IntArray, owner: IntArray, runs: _Runs, work: PartWork) -> list[FloatArray]:
-    """Return the shortest ways between pairs of ends, -1 for the robot's home, without hooks."""
-    ends = ends_of(runs.lines).reshape(-1, 2)
-    out: list[FloatArray] = [np.zeros((0, 2))] * len(pairs)
-    from_home, to_home = pairs[:, 0] < 0, pairs[:, 1] < 0
-    between = np.flatnonzero(~from_home & ~to_home)
-    found = work.harbour.paths(ends[pairs[between, 0]], ends[pairs[between, 1]])
-    for i, way in zip(between.tolist(), found, strict=True):
-        out[i] = way
-    for side, mine in ((1, from_home & ~to_home), (0, to_home & ~from_home)):
-        index = np.flatnonzero(mine)
-        found = work.harbour.home_paths(owner[index].tolist(), ends[pairs[index, side]])
-        for i, way in zip(index.tolist(), found, strict=True):
-            out[i] = way if side else way[::-1]
-    return out
 
 
 def _shifted(

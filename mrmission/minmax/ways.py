@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,7 @@ from numba import njit
 
 from mrmission.minmax.hooks import Hooks
 from mrmission.model import FloatArray, IntArray
+from mrmission.routing.harbour import Harbour
 
 MAX_PASSES = 3
 """A hook bends a way, which may then need another: so often is looked again."""
@@ -76,6 +78,53 @@ def hooked_ways(
         always,
     )
     return Ways(start=out_start, points_m=points, hooked=hooked)
+
+
+def ways_between(entries: Sequence[IntArray]) -> tuple[IntArray, IntArray]:
+    """Return (ways, 2) the ends that tours go between, -1 for home, and (ways,) whose they are.
+
+    Parameters
+    ----------
+    entries
+        Per robot the ends at which its lines are entered, in order; its ways are one after the
+        other, from home to home. One without lines has none.
+    """
+    home = np.array([-1])
+    pairs = [
+        np.column_stack([np.concatenate([home, mine ^ 1]), np.concatenate([mine, home])])
+        for mine in entries
+        if len(mine)
+    ]
+    many = [len(mine) + 1 if len(mine) else 0 for mine in entries]
+    none = np.zeros((0, 2), dtype=np.int64)
+    return np.concatenate([none, *pairs]), np.repeat(np.arange(len(many)), many)
+
+
+def shortest_ways(
+    harbour: Harbour, ends_m: FloatArray, pairs: IntArray, owner: IntArray
+) -> list[FloatArray]:
+    """Return the shortest ways in the water between pairs of ends, without hooks.
+
+    Parameters
+    ----------
+    harbour
+        Ways in the water; robot ``r`` lives at berth ``r``.
+    ends_m
+        (ends, 2) where the ends are.
+    pairs, owner
+        See :func:`ways_between`.
+    """
+    out: list[FloatArray] = [np.zeros((0, 2))] * len(pairs)
+    for side in (1, 0):
+        index = np.flatnonzero(pairs[:, 1 - side] < 0)
+        found = harbour.home_paths(owner[index].tolist(), ends_m[pairs[index, side]])
+        for i, way in zip(index.tolist(), found, strict=True):
+            out[i] = way if side else way[::-1]
+    index = np.flatnonzero((pairs >= 0).all(axis=1))
+    found = harbour.paths(ends_m[pairs[index, 0]], ends_m[pairs[index, 1]])
+    for i, way in zip(index.tolist(), found, strict=True):
+        out[i] = way
+    return out
 
 
 def straight(a_m: FloatArray, b_m: FloatArray) -> tuple[IntArray, FloatArray]:
