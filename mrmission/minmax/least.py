@@ -61,6 +61,7 @@ def least_costs(
     *,
     lanes_alone: bool,
     runs: bool = False,
+    exact: BoolArray | None = None,
 ) -> LaneProblem:
     """Return lines, ways and homes in seconds that no plan undercuts.
 
@@ -80,6 +81,9 @@ def least_costs(
         Whether ways cover nothing.
     runs
         Whether lines have run-ins or run-outs: ways then go by other corners than those laid here.
+    exact
+        (2 · lines, 2 · lines) which lengths are those of the ways: others are no more than that.
+        All when None.
 
     Returns
     -------
@@ -90,8 +94,10 @@ def least_costs(
     """
     ends = ends_of(lines).reshape(-1, 2)
     sweep_scale, travel_scale = speed_scales(times)
-    way_s = np.full_like(metres, np.inf)
+    way_s: FloatArray | None = None
     first, last = chosen_pairs(metres)
+    if exact is not None:
+        first, last = first[exact[first, last]], last[exact[first, last]]
     near = near_ways(ends, first, last, metres[first, last], harbour)
     for time, _, travel in kinds_of(times):
         speed_m_s = way_speed_m_s(time, lanes_alone=lanes_alone)
@@ -100,7 +106,8 @@ def least_costs(
             laid_s = _laid_s(near, lines, hooks, time, lanes_alone)
             laid_s = np.maximum(laid_s, own_s[first, last])
             own_s[first, last] = own_s[last, first] = laid_s
-        np.minimum(way_s, own_s / travel, out=way_s)
+        own_s /= travel
+        way_s = own_s if way_s is None else np.minimum(way_s, own_s, out=way_s)
     return LaneProblem(
         lane_cost=least_lanes_s(lines, times),
         end_cost=way_s,

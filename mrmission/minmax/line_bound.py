@@ -18,9 +18,9 @@ from mrmission.minmax.least import (
     least_lanes_s,
     way_speed_m_s,
 )
-from mrmission.minmax.travel import DENSE_ENDS, travel_between
+from mrmission.minmax.travel import DENSE_ENDS, Arrays, floors_m, travel_between
 from mrmission.minmax.trips import Allowance, stretches_of
-from mrmission.model import CoveragePath, FloatArray, IntArray
+from mrmission.model import BoolArray, CoveragePath, FloatArray, IntArray
 from mrmission.tour.lines import SurveyLine, ends_of
 from mrmission.tour.work import PartWork
 
@@ -39,6 +39,7 @@ def bound_of_lines(
     work: PartWork,
     metres: FloatArray | None = None,
     trips: Trips | None = None,
+    exact: BoolArray | None = None,
 ) -> LanesBound:
     """Return a time that no plan beats that sweeps these lines, each in one go.
 
@@ -52,12 +53,15 @@ def bound_of_lines(
         (2 · lines, 2 · lines) lengths of the ways between the ends; None where they are not known.
     trips
         What is known of trips; None where all robots go out once.
+    exact
+        (2 · lines, 2 · lines) which of the lengths are exact: others are no more than that. All
+        when None.
     """
     if metres is None:
         metres = work.harbour.distance_matrix(ends_of(lines).reshape(-1, 2))
     least = least_costs(
         lines, hooks, work.harbour, work.homes_m, work.times, metres,
-        lanes_alone=work.options.lanes_alone_count, runs=max(work.options.runs_m) > 0,
+        lanes_alone=work.options.lanes_alone_count, runs=max(work.options.runs_m) > 0, exact=exact,
     )  # fmt: skip
     assert least.end_cost is not None  # as it says
     return lanes_bound(
@@ -69,6 +73,23 @@ def bound_of_lines(
         trip_s=None if trips is None else trips[0],
         swap_s=None if trips is None else trips[1],
     )
+
+
+def bound_of_listed_lines(
+    lines: tuple[SurveyLine, ...], hooks: Hooks, work: PartWork, arrays: Arrays, which: IntArray
+) -> LanesBound:
+    """Return what :func:`bound_of_lines` does, where not all ways are known.
+
+    Parameters
+    ----------
+    lines, hooks, work
+        See there.
+    arrays, which
+        What is known of ways between more ends, see :class:`~mrmission.minmax.travel.Travel`, and
+        (2 · lines,) which of them are those of the lines.
+    """
+    metres, exact = floors_m(arrays, which)
+    return bound_of_lines(lines, hooks, work, metres, exact=exact)
 
 
 def bound_of_many_lines(

@@ -12,7 +12,11 @@ from mrmission.minmax.bounds.lanes import LanesBound
 from mrmission.minmax.costs import speed_scales
 from mrmission.minmax.cut import cut_lines, swept_in_one_go
 from mrmission.minmax.hooks import Hooks, find_hooks, no_hooks
-from mrmission.minmax.line_bound import bound_of_lines, bound_of_many_lines
+from mrmission.minmax.line_bound import (
+    bound_of_lines,
+    bound_of_listed_lines,
+    bound_of_many_lines,
+)
 from mrmission.minmax.problem import LaneProblem, LaneTours, SparseWays, tour_cost
 from mrmission.minmax.runs import part_costs, runs_s, with_runs
 from mrmission.minmax.slide import slid
@@ -34,6 +38,10 @@ ROUNDS = 2
 ROUND_SHARE = 0.15
 """So often, and with that share of the budget each time, tours are made even as their paths are
 laid."""
+MANY_ENDS = 2000
+"""Of so many ends the ways between those that were not slid are not looked for again."""
+LISTED_ENDS = 6000
+"""Up to so many ends the bound takes all ways between them at what is known of each: 900 MB."""
 SLIDES = 4
 """So often cuts are slid: each time from the seconds of the paths as they were laid last."""
 
@@ -129,7 +137,24 @@ def _slid(
             best, best_paths, best_s = lines, paths, float(took_s.max())
     if best is ready.lines:
         return ready, best_paths
-    return replace(ready, lines=best, metres=None), best_paths
+    return replace(ready, lines=best, metres=_metres_of(best, ready)), best_paths
+
+
+def _metres_of(lines: tuple[SurveyLine, ...], ready: Prepared) -> FloatArray | None:
+    """Return the lengths of all ways between the ends of lines, some of which have been slid.
+
+    None where to find them all again takes no longer.
+    """
+    ends = ends_of(lines).reshape(-1, 2)
+    if ready.metres is None or len(ends) < MANY_ENDS:
+        return None
+    moved = np.flatnonzero(np.any(ends != ends_of(ready.lines).reshape(-1, 2), axis=1))
+    rows = ready.work.harbour.distances(ends[moved], ends)
+    rows[:, moved] = np.minimum(rows[:, moved], rows[:, moved].T)
+    metres = ready.metres.copy()
+    metres[moved] = rows
+    metres[:, moved] = rows.T
+    return metres
 
 
 def _bound_of(ready: Prepared, tours: LaneTours, work: PartWork) -> Callable[[], LanesBound] | None:
@@ -139,12 +164,15 @@ def _bound_of(ready: Prepared, tours: LaneTours, work: PartWork) -> Callable[[],
     """
     if work.in_trips:  # planned as robots of their own
         return None
-    if ready.beyond is not None:
-        near = ready.beyond.near.astype(np.int64)
-        return partial(bound_of_many_lines, ready.lines, near, work)
     lines, ends = swept_in_one_go(ready.lines, tours, ready.line_of)
-    metres = None if ready.metres is None else ready.metres[np.ix_(ends, ends)]
-    return partial(bound_of_lines, lines, ready.hooks.of_ends(ends), work, metres)
+    hooks = ready.hooks.of_ends(ends)
+    if ready.beyond is None:
+        metres = None if ready.metres is None else ready.metres[np.ix_(ends, ends)]
+        return partial(bound_of_lines, lines, hooks, work, metres)
+    if len(ends) <= LISTED_ENDS:
+        return partial(bound_of_listed_lines, lines, hooks, work, ready.beyond.arrays, ends)
+    near = ready.beyond.near.astype(np.int64)
+    return partial(bound_of_many_lines, ready.lines, near, work)
 
 
 def lines_and_hooks(work: PartWork) -> tuple[tuple[SurveyLine, ...], IntArray, Hooks]:

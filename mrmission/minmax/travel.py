@@ -36,6 +36,8 @@ CLUSTERS = 2000
 ASKED_BITS = 18
 """Of so many bits is the number of a place where an answer is kept for the next time."""
 _BENDS = 5
+_SINGLE = 1e-6
+"""Corners and lengths in tables are rounded, places by less than so much of the farthest one."""
 
 Price: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, FloatArray, Long, FloatArray]
 """``(out, hook_s, table, rest, asked, answer_s)``: what makes seconds of metres.
@@ -348,6 +350,54 @@ def travel_m(arrays: Arrays, e: int, f: int) -> float:
     Never below the straight line, and the same both ways.
     """
     return find_way(arrays, min(e, f), max(e, f))[1]
+
+
+@njit(cache=True, error_model="numpy")
+def floors_m(arrays: Arrays, which: Long) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+    """Return (n, n) lengths that no way between n of the ends undercuts, and which are exact.
+
+    A way is no shorter than the straight one, than the reach of an end that does not list the
+    other, and than the way between the middles of their clusters less the ways there.
+    """
+    end, cluster, start, other, length_m, bend = arrays
+    slack = _SINGLE * np.abs(end[:, :2]).max()
+    middle = np.zeros(cluster.max() + 1, np.int64)
+    for e in range(len(end)):
+        if end[e, 2] == 0.0:
+            middle[cluster[e]] = e
+    place = np.full(len(end), -1)
+    place[which] = np.arange(len(which))
+    n = len(which)
+    out = np.zeros((n, n))
+    exact = np.zeros((n, n), np.bool_)
+    for i in range(n):
+        e = which[i]
+        for j in range(i):
+            f = which[j]
+            floor = max(math.hypot(end[f, 0] - end[e, 0], end[f, 1] - end[e, 1]), end[e, 3])
+            floor = max(floor, end[f, 3])
+            a, b = max(cluster[e], cluster[f]), min(cluster[e], cluster[f])
+            if a != b:
+                u, v = middle[a], middle[b]
+                row = a * (a - 1) // 2 + b
+                if bend[row, 4] < 0.0:
+                    between = math.hypot(end[u, 0] - end[v, 0], end[u, 1] - end[v, 1])
+                else:
+                    between = (
+                        math.hypot(bend[row, 0] - end[u, 0], bend[row, 1] - end[u, 1])
+                        + bend[row, 4]
+                        + math.hypot(bend[row, 2] - end[v, 0], bend[row, 3] - end[v, 1])
+                    )
+                floor = max(floor, between - slack - end[e, 2] - end[f, 2])
+            out[i, j] = out[j, i] = floor
+    for i in range(n):
+        e = which[i]
+        for k in range(start[e], start[e + 1]):
+            j = place[other[k]]
+            if j >= 0 and j != i:
+                out[i, j] = out[j, i] = (1.0 - _SINGLE) * length_m[k]
+                exact[i, j] = exact[j, i] = True
+    return out, exact
 
 
 @njit(cache=True, error_model="numpy")

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+import numpy as np
 import shapely
 
 from mrmission.area.frame import LocalFrame
 from mrmission.area.legs import leg_tolerance_m
 from mrmission.errors import PlanningError
 from mrmission.mission.build import Route, export_route
-from mrmission.model import CoveragePath
+from mrmission.model import CoveragePath, LegKind
 from mrmission.options import PlanOptions
 from mrmission.tour.coverage import Uncovered
 from mrmission.tour.repair import fleet_legs, number_lanes, pieces_to_repair, repair, total_area
@@ -72,13 +73,12 @@ def export_part(
         raise PlanningError(f"{worst:.2f} m² stay uncovered: choose another --angle or --swath")
     if not fits(routes):
         return routes, None
-    by_survey = work.uncovered.remainder(
-        fleet_legs([r.path for r in routes], turn, lanes_alone=True), exact=True
-    )
-    left = work.uncovered.remainder(legs, exact=True) if work.uncovered.hair_m > 0 else pieces
+    lane = np.concatenate([r.path.kind for r in routes]) == LegKind.SURVEY
+    lane = lane[lane] if alone else lane
+    by_survey_m2, left_m2 = work.uncovered.left_m2(legs[lane], legs[~lane])
     return routes, Coverage(
-        covered_m2=work.region_m.area - total_area(left),
-        covered_by_survey_m2=work.region_m.area - total_area(by_survey),
+        covered_m2=work.region_m.area - left_m2,
+        covered_by_survey_m2=work.region_m.area - by_survey_m2,
         largest_missed_m2=max((p.area for p in pieces), default=0.0),
         notes=turns.notes(frame),
     )

@@ -167,7 +167,6 @@ class Uncovered:
         legs_m: FloatArray,
         floor_m2: float = 0.0,
         *,
-        exact: bool = False,
         rounded: bool = False,
     ) -> list[shapely.Polygon]:
         """Return the polygons (sweep frame) of the region beyond `radius_m` of every leg.
@@ -179,19 +178,31 @@ class Uncovered:
         floor_m2
             Pieces of a strip up to this area are not looked for further (they still are bounded
             by it); 0 finds everything.
-        exact
-            Whether hair's breadths between lanes are found too.
         rounded
             Whether the legs are those of rounded coordinates, between which gaps are wider.
         """
         legs_m = legs_m[self.counts(legs_m)]
-        reach_m = self.radius_m if exact else self.reach_m
+        reach_m = self.reach_m
         if rounded and self.hair_m > 0:
             reach_m = self.radius_m + 0.5 * max(self.hair_m, ROUNDED_HAIR_M)
         pieces = self._after_quads(legs_m, reach_m)
         pieces = pieces[shapely.area(pieces) > floor_m2]
         left = subtract_legs(pieces, legs_m, reach_m)
         return by_size(merged(left)) if left else []
+
+    def left_m2(self, lanes_m: FloatArray, ways_m: FloatArray) -> tuple[float, float]:
+        """Return how many m² of the region lanes leave, and lanes and other legs, to a hair.
+
+        Parameters
+        ----------
+        lanes_m, ways_m
+            (n, 2, 2) lanes, and the other legs, sweep frame.
+        """
+        lanes_m, ways_m = lanes_m[self.counts(lanes_m)], ways_m[self.counts(ways_m)]
+        pieces = self._after_quads(lanes_m, self.radius_m)
+        by_lanes = np.array(subtract_legs(pieces, lanes_m, self.radius_m), dtype=object)
+        by_all = np.array(subtract_legs(by_lanes, ways_m, self.radius_m), dtype=object)
+        return float(shapely.area(by_lanes).sum()), float(shapely.area(by_all).sum())
 
     def counts(self, legs_m: FloatArray) -> BoolArray:
         """Return (n,) which legs of (n, 2, 2), sweep frame, count as coverage."""
@@ -235,13 +246,12 @@ def subtract_legs(
     lines = leg_lines(legs_m)  # a line of no length is near nothing
     tree = shapely.STRtree(lines)
     piece_index, leg_index = tree.query(pieces, predicate="dwithin", distance=radius_m)
-    if len(pieces) > MANY_PIECES:
-        left = ~_covered_by_one(pieces, legs_m, radius_m, piece_index, leg_index)
-        if not left.any():
-            return []
-        of_left = left[piece_index]
-        piece_index = (np.cumsum(left) - 1)[piece_index[of_left]]
-        leg_index, pieces = leg_index[of_left], pieces[left]
+    left = ~_covered_by_one(pieces, legs_m, radius_m, piece_index, leg_index)
+    if not left.any():
+        return []
+    of_left = left[piece_index]
+    piece_index = (np.cumsum(left) - 1)[piece_index[of_left]]
+    leg_index, pieces = leg_index[of_left], pieces[left]
     used = np.unique(leg_index)
     buffers = np.empty(len(legs_m), dtype=object)
     buffers[used] = leg_buffers(legs_m[used], radius_m)

@@ -94,6 +94,21 @@ def test_few_tours_are_bounded_by_arms_alone(monkeypatch: pytest.MonkeyPatch) ->
     assert len(asked) == 1
 
 
+def test_many_lines_are_bounded_by_arms_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(11)
+    asked = []
+    monkeypatch.setattr(bounds, "prices_makespan", lambda *args: asked.append(args) or (0.0, True))
+    monkeypatch.setattr(bounds, "MANY_LINES", 8)
+    for case in range(40):
+        line, end, home = (_with_walls, _open_water)[case % 2](rng, 9, 5 + case % 3)
+        robots = len(home)
+        best = few_lines_makespan(line, end, home, (np.ones(robots), np.ones(robots)))
+        monkeypatch.setattr(bounds, "few_lines_makespan", lambda *args: 0.0)
+        bound = lanes_bound(line_s=line, end_s=end, home_s=home)
+        assert 0.6 * best < bound.makespan_s <= best * (1 + 1e-9), f"case {case}"
+    assert not asked
+
+
 @pytest.mark.usefixtures("_with_prices")
 def test_never_above_the_optimum_of_unlike_robots_and_any_numbers() -> None:
     rng = np.random.default_rng(8)

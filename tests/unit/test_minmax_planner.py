@@ -20,7 +20,7 @@ from mrmission.options import PlanOptions
 from mrmission.routing.harbour import Harbour
 from mrmission.tour.coverage import Uncovered
 from mrmission.tour.flight import time_model
-from mrmission.tour.lines import lane_lines
+from mrmission.tour.lines import SurveyLine, ends_of, lane_lines
 from mrmission.tour.repair import fleet_legs, pieces_to_repair, total_area
 from mrmission.tour.sweep import sweep_region
 from mrmission.tour.timing import TimeModel
@@ -120,11 +120,16 @@ def test_more_lines_than_a_matrix_holds_are_planned_as_well(
     monkeypatch.setattr(planner, "DENSE_ENDS", 10)
     tours = planner.lane_tours(work)
     bounds = [t.lanes_bound() for t in (dense, tours) if t.lanes_bound is not None]
-    assert [bound is not None for bound in bounds] == [True, True]
+    monkeypatch.setattr(planner, "LISTED_ENDS", 10)
+    far = planner.lane_tours(work).lanes_bound
+    bounds += [far()] if far is not None else []
+    assert [bound.term.endswith("as the crow flies") for bound in bounds] == [False, False, True]
     longest, other = (
         max(work.time.duration_s(p.points_m, p.kind) for p in t.paths) for t in (tours, dense)
     )
-    assert max(bound.makespan_s for bound in bounds if bound) <= min(longest, other)
+    assert max(bound.makespan_s for bound in bounds) <= min(longest, other)
+    assert bounds[1].makespan_s == pytest.approx(bounds[0].makespan_s, rel=0.01)
+    assert bounds[1].makespan_s > 1.01 * bounds[2].makespan_s
     assert longest < 1.1 * other
     wanted = sum(line.length_m for line in work.lines + find_hooks(work)[1])
     swept = sum(
@@ -132,6 +137,31 @@ def test_more_lines_than_a_matrix_holds_are_planned_as_well(
         for p in tours.paths
     )
     assert swept == pytest.approx(wanted, abs=0.01)
+
+
+def test_ways_between_ends_that_were_slid_are_found_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    work = _work(3, robots=5)
+    found: list[FloatArray | None] = []
+    slid_lines = []
+    metres_of = planner._metres_of
+
+    def watched(lines: tuple[SurveyLine, ...], ready: planner.Prepared) -> FloatArray | None:
+        slid_lines.append(lines)
+        found.append(metres_of(lines, ready))
+        return found[-1]
+
+    monkeypatch.setattr(planner, "_metres_of", watched)
+    whole = planner.lane_tours(work).lanes_bound
+    monkeypatch.setattr(planner, "MANY_ENDS", 0)
+    parts = planner.lane_tours(work).lanes_bound
+    assert found[0] is None
+    assert found[1] is not None
+    ends = ends_of(slid_lines[1]).reshape(-1, 2)
+    np.testing.assert_allclose(found[1], work.harbour.distance_matrix(ends), atol=1e-9)
+    np.testing.assert_array_equal(found[1], found[1].T)
+    assert whole is not None
+    assert parts is not None
+    assert parts().makespan_s == pytest.approx(whole().makespan_s, rel=2e-3)
 
 
 def test_a_slower_robot_gets_less() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import shapely
 
-from mrmission.minmax.travel import NEAR, Travel, travel_between, travel_m
+from mrmission.minmax.travel import NEAR, Travel, floors_m, travel_between, travel_m
 from mrmission.routing.harbour import Harbour
 from mrmission.routing.water import WaterRouter, curve_order
 from mrmission.tour.sweep import sweep_region
@@ -81,6 +81,32 @@ def test_far_lengths_are_close_symmetric_and_never_below_the_straight_line(
     off = np.abs(found - exact[e, f])
     assert 0 < off.sum() < 0.01 * exact[e, f].sum()
     assert np.quantile(off, 0.99) < 0.05 * exact.mean()
+
+
+@pytest.mark.parametrize("seed", [2, 3, 5])
+def test_no_way_is_shorter_than_its_floor(seed: int) -> None:
+    harbour, ends = lake_with_ends(seed, 8.0)
+    travel = travel_between(harbour, ends, dense_ends=0)
+    assert travel.arrays is not None
+    which = np.random.default_rng(seed).permutation(len(ends))[: 3 * len(ends) // 4]
+    exact_m = harbour.distance_matrix(ends[which])
+    floor_m, exact = floors_m(travel.arrays, which)
+    np.testing.assert_array_equal(floor_m, floor_m.T)
+    np.testing.assert_array_equal(exact, exact.T)
+    assert (floor_m <= exact_m + 1e-9).all()
+    np.testing.assert_allclose(floor_m[exact], exact_m[exact], rtol=2e-6)
+    straight_m = np.hypot(*(ends[which][:, None] - ends[which][None]).transpose(2, 0, 1))
+    start, other = travel.arrays[2:4]
+    for i in range(0, len(which), 9):
+        listed = np.isin(which, other[start[which[i]] : start[which[i] + 1]])
+        assert (listed <= exact[i]).all()
+    far = ~exact
+    np.fill_diagonal(far, False)
+    assert (floor_m >= straight_m * (1 - 2e-6)).all()
+    assert floor_m[far].sum() > 0.98 * exact_m[far].sum()
+    # the ways between clusters tell of land on the way
+    bent = far & (exact_m > 1.05 * straight_m)
+    assert (floor_m - straight_m)[bent].sum() > 0.7 * (exact_m - straight_m)[bent].sum() > 0
 
 
 def test_same_ends_same_arrays() -> None:
