@@ -114,13 +114,14 @@ def lane_tours(work: PartWork, prepared: Prepared | None = None) -> PartTours:
         problem, tours, lines, hooks, work, rounds, ROUND_SHARE * budget_s
     )
     if rounds > 0 and budget_s > 0:
-        ready, paths = _slid(ready, tours, paths, took_s)
-    return PartTours(method="minmax", paths=paths, lanes_bound=_bound_of(ready, tours, work))
+        lines, paths = _slid(ready, tours, paths, took_s)
+    bound = _bound_of(ready, lines, tours, work)
+    return PartTours(method="minmax", paths=paths, lanes_bound=bound)
 
 
 def _slid(
     ready: Prepared, tours: LaneTours, paths: tuple[CoveragePath, ...], took_s: FloatArray
-) -> tuple[Prepared, tuple[CoveragePath, ...]]:
+) -> tuple[tuple[SurveyLine, ...], tuple[CoveragePath, ...]]:
     """Return lines cut elsewhere, and paths over them, where the last robot is home earlier so.
 
     `took_s` are the seconds of the paths.
@@ -135,44 +136,46 @@ def _slid(
         paths, took_s = laid(tours, lines, hooks, work)
         if took_s.max() < best_s:
             best, best_paths, best_s = lines, paths, float(took_s.max())
-    if best is ready.lines:
-        return ready, best_paths
-    return replace(ready, lines=best, metres=_metres_of(best, ready)), best_paths
+    return best, best_paths
 
 
-def _metres_of(lines: tuple[SurveyLine, ...], ready: Prepared) -> FloatArray | None:
-    """Return the lengths of all ways between the ends of lines, some of which have been slid.
-
-    None where to find them all again takes no longer.
-    """
-    ends = ends_of(lines).reshape(-1, 2)
-    if ready.metres is None or len(ends) < MANY_ENDS:
-        return None
-    moved = np.flatnonzero(np.any(ends != ends_of(ready.lines).reshape(-1, 2), axis=1))
-    rows = ready.work.harbour.distances(ends[moved], ends)
-    rows[:, moved] = np.minimum(rows[:, moved], rows[:, moved].T)
-    metres = ready.metres.copy()
-    metres[moved] = rows
-    metres[:, moved] = rows.T
-    return metres
-
-
-def _bound_of(ready: Prepared, tours: LaneTours, work: PartWork) -> Callable[[], LanesBound] | None:
-    """Return what finds the bound for the lines that tours sweep; None for trips.
+def _bound_of(
+    ready: Prepared, lines: tuple[SurveyLine, ...], tours: LaneTours, work: PartWork
+) -> Callable[[], LanesBound] | None:
+    """Return what finds the bound for the lines, slid, that tours sweep; None for trips.
 
     It keeps what it needs of all ways, and no more.
     """
     if work.in_trips:  # planned as robots of their own
         return None
-    lines, ends = swept_in_one_go(ready.lines, tours, ready.line_of)
+    swept, ends = swept_in_one_go(lines, tours, ready.line_of)
     hooks = ready.hooks.of_ends(ends)
     if ready.beyond is None:
-        metres = None if ready.metres is None else ready.metres[np.ix_(ends, ends)]
-        return partial(bound_of_lines, lines, hooks, work, metres)
+        return partial(bound_of_lines, swept, hooks, work, _metres_of(swept, ends, ready))
     if len(ends) <= LISTED_ENDS:
-        return partial(bound_of_listed_lines, lines, hooks, work, ready.beyond.arrays, ends)
+        return partial(bound_of_listed_lines, swept, hooks, work, ready.beyond.arrays, ends)
     near = ready.beyond.near.astype(np.int64)
-    return partial(bound_of_many_lines, ready.lines, near, work)
+    return partial(bound_of_many_lines, lines, near, work)
+
+
+def _metres_of(swept: tuple[SurveyLine, ...], ends: IntArray, ready: Prepared) -> FloatArray | None:
+    """Return the lengths of all ways between the ends of lines, some of which were slid.
+
+    `ends` says which ends of pieces they were. None where to find all lengths takes no longer.
+    """
+    if ready.metres is None:
+        return None
+    ends_m = ends_of(swept).reshape(-1, 2)
+    moved = np.flatnonzero(np.any(ends_m != ends_of(ready.lines).reshape(-1, 2)[ends], axis=1))
+    if len(moved) and len(ends) < MANY_ENDS:
+        return None
+    metres = ready.metres[np.ix_(ends, ends)]
+    if len(moved):
+        rows = ready.work.harbour.distances(ends_m[moved], ends_m)
+        rows[:, moved] = np.minimum(rows[:, moved], rows[:, moved].T)
+        metres[moved] = rows
+        metres[:, moved] = rows.T
+    return metres
 
 
 def lines_and_hooks(work: PartWork) -> tuple[tuple[SurveyLine, ...], IntArray, Hooks]:

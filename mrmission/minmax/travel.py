@@ -25,8 +25,8 @@ Int: TypeAlias = npt.NDArray[np.int32]
 Long: TypeAlias = npt.NDArray[np.int64]
 Float: TypeAlias = npt.NDArray[np.float32]
 
-DENSE_ENDS = 5000
-"""Up to so many ends (half as many lanes) all lengths are kept: 200 MB."""
+DENSE_ENDS = 6000
+"""Up to so many ends (half as many lanes) all lengths are kept: 300 MB."""
 NEAR = 16
 """Nearest ends of other lanes that are listed for each end."""
 TABLE = 144

@@ -15,7 +15,7 @@ from mrmission.minmax.hooks import find_hooks, no_hooks
 from mrmission.minmax.least import least_costs
 from mrmission.minmax.runs import part_costs
 from mrmission.minmax.search import minmax, tour_cost
-from mrmission.model import FloatArray
+from mrmission.model import FloatArray, IntArray
 from mrmission.options import PlanOptions
 from mrmission.routing.harbour import Harbour
 from mrmission.tour.coverage import Uncovered
@@ -141,24 +141,24 @@ def test_more_lines_than_a_matrix_holds_are_planned_as_well(
 
 def test_ways_between_ends_that_were_slid_are_found_again(monkeypatch: pytest.MonkeyPatch) -> None:
     work = _work(3, robots=5)
-    found: list[FloatArray | None] = []
-    slid_lines = []
+    found: list[tuple[FloatArray, FloatArray | None]] = []
     metres_of = planner._metres_of
 
-    def watched(lines: tuple[SurveyLine, ...], ready: planner.Prepared) -> FloatArray | None:
-        slid_lines.append(lines)
-        found.append(metres_of(lines, ready))
-        return found[-1]
+    def watched(
+        swept: tuple[SurveyLine, ...], ends: IntArray, ready: planner.Prepared
+    ) -> FloatArray | None:
+        found.append((ends_of(swept).reshape(-1, 2), metres_of(swept, ends, ready)))
+        return found[-1][1]
 
     monkeypatch.setattr(planner, "_metres_of", watched)
     whole = planner.lane_tours(work).lanes_bound
     monkeypatch.setattr(planner, "MANY_ENDS", 0)
     parts = planner.lane_tours(work).lanes_bound
-    assert found[0] is None
-    assert found[1] is not None
-    ends = ends_of(slid_lines[1]).reshape(-1, 2)
-    np.testing.assert_allclose(found[1], work.harbour.distance_matrix(ends), atol=1e-9)
-    np.testing.assert_array_equal(found[1], found[1].T)
+    (_, none), (ends_m, metres) = found
+    assert none is None
+    assert metres is not None
+    np.testing.assert_allclose(metres, work.harbour.distance_matrix(ends_m), atol=1e-9)
+    np.testing.assert_array_equal(metres, metres.T)
     assert whole is not None
     assert parts is not None
     assert parts().makespan_s == pytest.approx(whole().makespan_s, rel=2e-3)
