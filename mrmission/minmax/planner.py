@@ -152,7 +152,8 @@ def _bound_of(
     hooks = ready.hooks.of_ends(ends)
     if ready.beyond is None:
         return partial(bound_of_lines, swept, hooks, work, _metres_of(swept, ends, ready))
-    if len(ends) <= LISTED_ENDS:
+    # ways between lines with runs are those between the runs' ends
+    if len(ends) <= LISTED_ENDS and max(work.options.runs_m) <= 0:
         return partial(bound_of_listed_lines, swept, hooks, work, ready.beyond.arrays, ends)
     near = ready.beyond.near.astype(np.int64)
     return partial(bound_of_many_lines, lines, near, work)
