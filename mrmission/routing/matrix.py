@@ -1,7 +1,7 @@
 """Compiled kernels for many in-water lengths at once: all of some points to all of others.
 
 Sources that lie together have nearly the same tree of shortest ways, so the corner graph is walked
-for :data:`GROUP` of them at a time, with a label per source in one line of the cache. Which corners
+for :data:`GROUP` of them at a time, with their labels side by side in the cache. Which corners
 a point sees is found once per point.
 
 The helpers are those of :mod:`mrmission.routing.visibility`. numba's cache of a kernel looks only
@@ -30,7 +30,7 @@ from mrmission.routing.visibility import (
     _tangent,
 )
 
-GROUP = 8
+GROUP = 16
 REGION = 16
 FEW_SOURCES = 3
 """With so few sources the last corner of each way is looked for among those that make it short."""
