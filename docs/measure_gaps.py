@@ -1,7 +1,7 @@
 """Measure how near to best fleet plans are: makespans and gaps by number of robots and method.
 
     python docs/measure_gaps.py AREAS... --random-maps 40 --out gaps.jsonl --judge score_missions.py
-    python docs/measure_gaps.py --out gaps.jsonl --table
+    python docs/measure_gaps.py --out gaps.jsonl --table [AREAS...] [--random-maps 40] [--seed 0]
     python docs/measure_gaps.py --out gaps.jsonl --figure docs/figures/methods.svg
 
 Areas are planned at a swath of the longest side of their bounding box over 150, overlap 0,
@@ -9,7 +9,8 @@ clearance 0, from the middle of the largest part; random maps are those of
 `mrmission experiments paper`, at 10 m per pixel. CPU time is that of reading, planning and
 exporting one area in a process that has planned before; without fences. Boats are not kept apart
 (`--separation 0`) and hold any number of items, so that the makespan is that of the tours. One JSON
-line per plan; resumable: what is in the file already is not planned again.
+line per plan; resumable: what is in the file already is not planned again. Tables and figures are
+of the areas and seeds that are named; of all where none is.
 """
 
 from __future__ import annotations
@@ -168,6 +169,14 @@ def figure(rows: list[dict[str, Any]], path: Path) -> None:
     fig.savefig(path, metadata={"Date": None} if path.suffix == ".svg" else None)
 
 
+def _apart(rows: list[dict[str, Any]]) -> list[float]:
+    """Return by how much the worst seed's makespan is longer than the best one's, by area."""
+    by_area: dict[str, list[float]] = {}
+    for row in rows:
+        by_area.setdefault(row["area"], []).append(row["makespan_s"])
+    return [max(values) / min(values) - 1 for values in by_area.values() if len(values) > 1]
+
+
 def table(rows: list[dict[str, Any]]) -> str:
     """Return gaps of the lane planner by k, and ratios of makespans by method, as Markdown."""
     rows = [r for r in rows if "error" not in r]
@@ -184,9 +193,10 @@ def table(rows: list[dict[str, Any]]) -> str:
             "",
             (
                 "| k | gap to these lanes' bound, mean % | median | worst | gap to any plan's "
-                "bound, mean % | least utilization | CPU, mean s | CPU, worst s |"
+                "bound, mean % | best to worst seed, mean % (largest) | least utilization "
+                "| CPU, mean s | CPU, worst s |"
             ),
-            "| ---: |" + " ---: |" * 7,
+            "| ---: |" + " ---: |" * 8,
         ]
         for k in robots:
             of_k = [r for r in ours if r["k"] == k]
@@ -195,9 +205,11 @@ def table(rows: list[dict[str, Any]]) -> str:
             gaps = 100 * np.array(list(_median_of_seeds(of_k, "lanes_gap").values()))
             free = 100 * np.array(list(_median_of_seeds(of_k, "any_gap").values()))
             cpu = np.array([r["cpu_s"] for r in of_k])
+            apart = 100 * np.array(_apart(of_k))
+            seeds_apart = f"{apart.mean():.1f} ({apart.max():.1f})" if len(apart) else ""
             lines.append(
                 f"| {k} | {gaps.mean():.1f} | {np.median(gaps):.1f} | {gaps.max():.1f} "
-                f"| {free.mean():.1f} | {min(r['utilization'] for r in of_k):.0%} "
+                f"| {free.mean():.1f} | {seeds_apart} | {min(r['utilization'] for r in of_k):.0%} "
                 f"| {cpu.mean():.1f} | {cpu.max():.1f} |"
             )
         others = [m for m in METHODS if m != "minmax" and any(r["method"] == m for r in mine)]
@@ -250,14 +262,19 @@ def main() -> None:
     done = []
     if args.out.exists():
         done = [json.loads(line) for line in args.out.read_text().splitlines()]
+    areas = args.areas + [f"map:{i}" for i in range(args.random_maps)]
+    shown = [
+        row
+        for row in done
+        if row["area"] in (areas or [row["area"]]) and row["seed"] in (args.seed or [row["seed"]])
+    ]
     if args.table:
-        sys.stdout.write(table(done))
+        sys.stdout.write(table(shown))
     if args.figure:
-        figure(done, args.figure)
+        figure(shown, args.figure)
     if args.table or args.figure:
         return
     seen = {tuple(row[key] for key in KEYS) for row in done}
-    areas = args.areas + [f"map:{i}" for i in range(args.random_maps)]
     todo = [
         {"area": area, "k": k, "method": method, "seed": seed, "budget": args.budget}
         for seed in args.seed or [0]
