@@ -117,13 +117,18 @@ def _warm() -> None:
     run({"area": "map:0", "k": 8, "method": "minmax", "seed": 0, "budget": 0.1}, None)
 
 
-def _median_of_seeds(rows: list[dict[str, Any]], key: str) -> dict[str, float]:
-    """Return the median over seeds of a figure, by area."""
-    by_area: dict[str, list[float]] = {}
+def _by_area(rows: list[dict[str, Any]], key: str) -> dict[str, list[float]]:
+    """Return a figure of all seeds, by area."""
+    out: dict[str, list[float]] = {}
     for row in rows:
         if row.get(key) is not None:
-            by_area.setdefault(row["area"], []).append(row[key])
-    return {area: float(np.median(values)) for area, values in by_area.items()}
+            out.setdefault(row["area"], []).append(row[key])
+    return out
+
+
+def _median_of_seeds(rows: list[dict[str, Any]], key: str) -> dict[str, float]:
+    """Return the median over seeds of a figure, by area."""
+    return {area: float(np.median(values)) for area, values in _by_area(rows, key).items()}
 
 
 def _ratios(rows: list[dict[str, Any]], method: str, k: int) -> list[float]:
@@ -171,10 +176,8 @@ def figure(rows: list[dict[str, Any]], path: Path) -> None:
 
 def _apart(rows: list[dict[str, Any]]) -> list[float]:
     """Return by how much the worst seed's makespan is longer than the best one's, by area."""
-    by_area: dict[str, list[float]] = {}
-    for row in rows:
-        by_area.setdefault(row["area"], []).append(row["makespan_s"])
-    return [max(values) / min(values) - 1 for values in by_area.values() if len(values) > 1]
+    seeds = _by_area(rows, "makespan_s").values()
+    return [max(values) / min(values) - 1 for values in seeds if len(values) > 1]
 
 
 def table(rows: list[dict[str, Any]]) -> str:

@@ -39,7 +39,6 @@ RADIUS_M = 2000.0
 CORNERS_PER_ISLAND = 25
 BEARING_DEG = 30.0
 CLEARANCE_M = 2.0
-SEPARATION_M = 20.0
 ANY_ITEMS = 20_000
 
 
@@ -94,11 +93,13 @@ def measure(case: dict[str, Any], folder: str, results: Any) -> None:
     area = SurveyArea(
         name="drawn", source="drawn.geojson", water_lonlat=shapely.MultiPolygon([lonlat])
     )
+    alone: dict[str, Any] = {}
+    if case["alone"]:
+        alone = {"separation_m": 0.0, "limits": VehicleLimits(mission_items=ANY_ITEMS)}
     options = PlanOptions(
         robots=case["k"], swath_m=max(0.5, swath_m), overlap=0.0, clearance_m=CLEARANCE_M,
         method="minmax", angle_deg=BEARING_DEG, time_budget_s=case["budget_s"], fence=case["fence"],
-        separation_m=0.0 if case["alone"] else SEPARATION_M,
-        limits=VehicleLimits(mission_items=ANY_ITEMS) if case["alone"] else VehicleLimits(),
+        **alone,
     )  # fmt: skip
     stages: list[tuple[str, float]] = []
     began, wall = time.process_time(), time.perf_counter()

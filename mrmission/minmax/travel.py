@@ -305,6 +305,16 @@ def _by_common(start: Long, other: Int, length_m: Float, e: int, f: int) -> floa
 
 
 @njit(cache=True, error_model="numpy")
+def _by_bends(end: FloatArray, bend: Float, e: int, f: int) -> float:
+    """Return the length of the way from end e to f by the first and last corner of a row."""
+    return (
+        math.hypot(bend[0] - end[e, 0], bend[1] - end[e, 1])
+        + bend[4]
+        + math.hypot(bend[2] - end[f, 0], bend[3] - end[f, 1])
+    )
+
+
+@njit(cache=True, error_model="numpy")
 def find_way(arrays: Arrays, e: int, f: int) -> tuple[int, float]:
     """Return the place of the pair ``e < f`` in the table, or -1 and an estimate of its length."""
     end, cluster, start, other, length_m, bend = arrays
@@ -335,12 +345,7 @@ def find_way(arrays: Arrays, e: int, f: int) -> tuple[int, float]:
         if floor > straight and by_common < math.inf:
             return -1, max(floor, by_common)
         return -1, floor
-    way = (
-        math.hypot(bend[row, 0] - end[e, 0], bend[row, 1] - end[e, 1])
-        + bend[row, 4]
-        + math.hypot(bend[row, 2] - end[f, 0], bend[row, 3] - end[f, 1])
-    )
-    return -1, max(floor, min(by_common, way))
+    return -1, max(floor, min(by_common, _by_bends(end, bend[row], e, f)))
 
 
 @njit(cache=True, error_model="numpy")
@@ -383,11 +388,7 @@ def floors_m(arrays: Arrays, which: Long) -> tuple[FloatArray, npt.NDArray[np.bo
                 if bend[row, 4] < 0.0:
                     between = math.hypot(end[u, 0] - end[v, 0], end[u, 1] - end[v, 1])
                 else:
-                    between = (
-                        math.hypot(bend[row, 0] - end[u, 0], bend[row, 1] - end[u, 1])
-                        + bend[row, 4]
-                        + math.hypot(bend[row, 2] - end[v, 0], bend[row, 3] - end[v, 1])
-                    )
+                    between = _by_bends(end, bend[row], u, v)
                 floor = max(floor, between - slack - end[e, 2] - end[f, 2])
             out[i, j] = out[j, i] = floor
     for i in range(n):

@@ -13,7 +13,7 @@ from mrmission.options import PlanOptions
 from mrmission.partition.bound import fleet_area_bound_s
 from mrmission.partition.reach import Rover, fleet_reach_bound_s
 from mrmission.stages.export import Coverage
-from mrmission.tour.repair import total_area
+from mrmission.tour.coverage import total_area
 from mrmission.tour.work import PartPlan
 
 AREA_BOUND = "area bound"

@@ -14,8 +14,8 @@ from mrmission.errors import PlanningError
 from mrmission.mission.build import Route, export_route
 from mrmission.model import CoveragePath, LegKind
 from mrmission.options import PlanOptions
-from mrmission.tour.coverage import Uncovered
-from mrmission.tour.repair import fleet_legs, number_lanes, pieces_to_repair, repair, total_area
+from mrmission.tour.coverage import Uncovered, total_area
+from mrmission.tour.repair import fleet_legs, number_lanes, pieces_to_repair, repair
 from mrmission.tour.turns import Turns
 from mrmission.tour.work import PartPlan
 
@@ -74,7 +74,8 @@ def export_part(
     if not fits(routes):
         return routes, None
     lane = np.concatenate([r.path.kind for r in routes]) == LegKind.SURVEY
-    lane = lane[lane] if alone else lane
+    if alone:  # no other legs were taken
+        lane = lane[lane]
     by_survey_m2, left_m2 = work.uncovered.left_m2(legs[lane], legs[~lane])
     return routes, Coverage(
         covered_m2=work.region_m.area - left_m2,

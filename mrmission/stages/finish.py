@@ -36,7 +36,7 @@ from mrmission.stages.part import PLANNERS
 from mrmission.stages.rows import idle_notes, robot_row, sortie_notes, swing_notes, versions
 from mrmission.stages.sortie_routes import joined, parted
 from mrmission.stages.sorties import export_in_sorties
-from mrmission.tour.repair import total_area
+from mrmission.tour.coverage import total_area
 from mrmission.tour.timing import TimeModel
 from mrmission.tour.work import PartPlan
 

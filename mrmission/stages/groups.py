@@ -9,7 +9,7 @@ from mrmission.area.frame import LocalFrame
 from mrmission.area.region import default_start, part_of, snap_start
 from mrmission.model import FloatArray
 from mrmission.options import PlanOptions
-from mrmission.tour.repair import total_area
+from mrmission.tour.coverage import total_area
 
 Group = tuple[shapely.Polygon, FloatArray, tuple[int, ...]]
 

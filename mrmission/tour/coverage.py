@@ -101,6 +101,11 @@ def by_size(pieces: Sequence[shapely.Polygon]) -> list[shapely.Polygon]:
     return list(rows[np.lexsort((y_max, x_max, y_min, x_min, -shapely.area(rows)))])
 
 
+def total_area(pieces: Sequence[shapely.Polygon]) -> float:
+    """Return the summed area, one after the other: the same on every processor."""
+    return float(sum(shapely.area(np.array(pieces, dtype=object)).tolist()))
+
+
 def merged(pieces: Sequence[shapely.Polygon]) -> list[shapely.Polygon]:
     """Return the union of polygons, those that touch drawn together."""
     rows = np.array(pieces, dtype=object)
@@ -200,9 +205,9 @@ class Uncovered:
         """
         lanes_m, ways_m = lanes_m[self.counts(lanes_m)], ways_m[self.counts(ways_m)]
         pieces = self._after_quads(lanes_m, self.radius_m)
-        by_lanes = np.array(subtract_legs(pieces, lanes_m, self.radius_m), dtype=object)
-        by_all = np.array(subtract_legs(by_lanes, ways_m, self.radius_m), dtype=object)
-        return float(shapely.area(by_lanes).sum()), float(shapely.area(by_all).sum())
+        by_lanes = subtract_legs(pieces, lanes_m, self.radius_m)
+        by_all = subtract_legs(np.array(by_lanes, dtype=object), ways_m, self.radius_m)
+        return total_area(by_lanes), total_area(by_all)
 
     def counts(self, legs_m: FloatArray) -> BoolArray:
         """Return (n,) which legs of (n, 2, 2), sweep frame, count as coverage."""

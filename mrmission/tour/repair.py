@@ -12,7 +12,7 @@ import shapely
 from mrmission.errors import PlanningError
 from mrmission.model import CoveragePath, FloatArray, LegKind
 from mrmission.routing.harbour import Harbour
-from mrmission.tour.coverage import Uncovered, by_size, subtract_legs
+from mrmission.tour.coverage import Uncovered, by_size, subtract_legs, total_area
 from mrmission.tour.path import legs_of, make_path
 from mrmission.tour.sweep import SweepFrame
 from mrmission.tour.timing import TimeModel
@@ -35,11 +35,6 @@ class _Extra:
     leg: int
     enter_m: FloatArray
     line_m: FloatArray
-
-
-def total_area(pieces: Sequence[shapely.Polygon]) -> float:
-    """Return the summed area."""
-    return float(sum(shapely.area(np.array(pieces, dtype=object)).tolist()))
 
 
 def pieces_to_repair(

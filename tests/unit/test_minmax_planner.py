@@ -18,10 +18,10 @@ from mrmission.minmax.search import minmax, tour_cost
 from mrmission.model import FloatArray, IntArray
 from mrmission.options import PlanOptions
 from mrmission.routing.harbour import Harbour
-from mrmission.tour.coverage import Uncovered
+from mrmission.tour.coverage import Uncovered, total_area
 from mrmission.tour.flight import time_model
 from mrmission.tour.lines import SurveyLine, ends_of, lane_lines
-from mrmission.tour.repair import fleet_legs, pieces_to_repair, total_area
+from mrmission.tour.repair import fleet_legs, pieces_to_repair
 from mrmission.tour.sweep import sweep_region
 from mrmission.tour.timing import TimeModel
 from mrmission.tour.work import PartWork

@@ -64,9 +64,7 @@ class _Proof:
     legs: Legs
 
 
-def arms_makespan(
-    task: Task, legs: Legs, known: float = 0.0, rounds: tuple[Rounds, Rounds] = FULL
-) -> float:
+def arms_makespan(task: Task, legs: Legs, known: float = 0.0) -> float:
     """Return a makespan, in the task's seconds, below which no plan is.
 
     Parameters
@@ -77,10 +75,8 @@ def arms_makespan(
         Those to be looked at first.
     known
         A makespan that is proven already: where no more is to be expected, 0 is returned.
-    rounds
-        :data:`FULL` or :data:`MANY`.
     """
-    trial, polish = rounds
+    trial, polish = MANY if task.many else FULL
     step_s = usual_leg_s(legs, task)
     charge = np.full(len(task.home_s), step_s / 4)
     tried = []

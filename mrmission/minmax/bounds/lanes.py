@@ -12,8 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mrmission.minmax.bounds.arms import FULL, arms_makespan
-from mrmission.minmax.bounds.arms import MANY as FEWER
+from mrmission.minmax.bounds.arms import arms_makespan
 from mrmission.minmax.bounds.few_lines import few_lines_makespan
 from mrmission.minmax.bounds.parts import NEAR, Task, near_ends, near_legs
 from mrmission.minmax.bounds.prices import MANY, SHARES, prices_makespan
@@ -26,9 +25,6 @@ ends takes longer than the plan."""
 FEW_TOURS = 4
 """So few tours are bounded by arms alone: prices were the better bound for 13 of 286 plans of
 random maps, by less than 0.7 %, and for none of 30 of lakes."""
-MANY_LINES = 1000
-"""More lines with a matrix are bounded by arms alone, in fewer steps: of 7 problems of lakes with
-1,300 to 1,900 lines prices were the better bound of one, by 0.1 %."""
 MARGIN = 1e-9
 """Part by which a bound is lowered for the rounding of sums."""
 
@@ -172,14 +168,13 @@ def _bound(
     if near is not None and len(line) > MOST_LINES:
         return LanesBound(makespan_s=fastest * best * (1.0 - MARGIN), term=term)
     legs = near_legs(near_ends(end_s) if near is None else near, task)
-    many = len(line) > MANY_LINES
-    if near is not None or (task.tours > FEW_TOURS and not many):
+    if near is not None or (task.tours > FEW_TOURS and not task.many):
         priced_s, deep = prices_makespan(task, legs, SHARES if near is None else MANY, best)
         if priced_s > best:
             best, term = priced_s, "reach and connection" if deep else "connection"
             term += "" if near is None else ", as the crow flies"
     if near is None:
-        in_arms_s = arms_makespan(task, legs, best, FEWER if many else FULL)
+        in_arms_s = arms_makespan(task, legs, best)
         if in_arms_s > best:
             best, term = in_arms_s, "arms and connection"
     return LanesBound(makespan_s=fastest * best * (1.0 - MARGIN), term=term)
