@@ -27,6 +27,7 @@ from mrmission.minmax.full import more_trips_s
 from mrmission.minmax.planner import BUDGET_PER_LINE_S, Prepared, prepare
 from mrmission.minmax.problem import LaneProblem
 from mrmission.minmax.slivers import Lanes, look
+from mrmission.minmax.starts import NEAR_BEST, starts_within
 from mrmission.minmax.travel import DENSE_ENDS
 from mrmission.model import FloatArray
 from mrmission.routing.harbour import Harbour
@@ -112,7 +113,8 @@ class BearingChoice:
     fairway
         Whether the plan is to have a fairway, see :mod:`mrmission.tour.fairway`.
     prepared
-        The work under this bearing, where the last round was held.
+        The work under this bearing, where the last round was held; after it, where the budget is
+        enough to search more than one, the work of the candidates that came near to it.
     tried
         All candidates in the order they were thought of; those with a fairway come last.
     """
@@ -120,7 +122,7 @@ class BearingChoice:
     bearing_deg: float
     budget_left_s: float
     fairway: bool = False
-    prepared: Prepared | None = None
+    prepared: tuple[Prepared, ...] = ()
     tried: tuple[Tried, ...] = ()
 
 
@@ -273,17 +275,18 @@ def choose_bearing(
 
         took_s = [planned_s(1, candidate, cheap) for candidate in ranked[: can.planned]]
         ranked = [ranked[i] for i in np.argsort(took_s, kind="stable")]
-    best: Prepared | None = None
+    planned: list[tuple[float, Prepared]] = []
     if work_at is not None and can.real:
-        make, least_s = work_at, float("inf")
+        make = work_at
 
         def dear(candidate: Candidate, search_s: float) -> float:
-            nonlocal best, least_s
             ready = prepare(make(bearings[candidate[0]], fairway=candidate[1]))
             tours = minmax(ready.problem, search_s, seed)
             makespan_s = float((tours.cost + more_trips_s(ready, tours)).max())
-            if makespan_s < least_s:
-                best, least_s = replace(ready, begun=tours), makespan_s
+            planned.append((makespan_s, replace(ready, begun=tours)))
+            planned.sort(key=lambda one: one[0])
+            # what is known of all ways is large
+            del planned[starts_within(left_s, len(planned[0][1].lines)) :]
             return makespan_s
 
         last = _last_round(ranked, by_rough)[: can.real]
@@ -294,7 +297,7 @@ def choose_bearing(
         bearing_deg=bearings[number],
         budget_left_s=max(left_s, 0.0),
         fairway=with_fairway,
-        prepared=best,
+        prepared=tuple(ready for took, ready in planned if took <= NEAR_BEST * planned[0][0]),
         tried=tuple(tried.values()),
     )
 

@@ -85,46 +85,74 @@ def prepare(work: PartWork) -> Prepared:
     )  # fmt: skip
 
 
-def lane_tours(work: PartWork, prepared: Prepared | None = None) -> PartTours:
-    """Return the tours of the lane planner.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Start:
+    """What one start of the search came to.
+
+    Attributes
+    ----------
+    ready, tours
+        The work, and who sweeps what in which order.
+    planned
+        What the planner gives back.
+    longest_s
+        Seconds of the longest path as it was laid.
+    """
+
+    ready: Prepared
+    tours: LaneTours
+    planned: PartTours
+    longest_s: float
+
+
+def lane_tours(work: PartWork) -> PartTours:
+    """Return the tours of the lane planner after one start of its search."""
+    return one_start(prepare(work), work.options.time_budget_s, work.options.seed).planned
+
+
+def one_start(ready: Prepared, budget_s: float, seed: int) -> Start:
+    """Return what one start of the search comes to.
 
     Parameters
     ----------
-    work
-        The part.
-    prepared
-        The same work where it was prepared already: all but its time budget.
+    ready
+        The work.
+    budget_s
+        How long to search; no more than :data:`BUDGET_PER_LINE_S` for each line is used.
+    seed
+        Of the search.
     """
     from mrmission.minmax.search import minmax
 
-    ready = prepared or prepare(work)
-    lines, hooks = ready.lines, ready.hooks
+    work, lines = ready.work, ready.lines
     problem = weighted(ready.problem, work.weights)
     if work.line_toll_s > 0:
         problem = problem.dearer([work.line_toll_s] * (1 + len(problem.others)))
-    budget_s = min(work.options.time_budget_s, BUDGET_PER_LINE_S * len(lines))
+    budget_s = min(budget_s, BUDGET_PER_LINE_S * len(lines))
     # thousands of lanes are even already, and to lay them all is dear
     for_trips = work.weights is not None or work.line_toll_s > 0
-    rounds = 0 if ready.beyond is not None or for_trips else ROUNDS
+    rounds = 0 if ready.beyond is not None or for_trips or budget_s <= 0 else ROUNDS
     searched_s = (1.0 - rounds * ROUND_SHARE) * budget_s
-    tours = minmax(problem, searched_s, work.options.seed)
+    tours = minmax(problem, searched_s, seed)
     if ready.begun is not None and ready.begun.cost.max() < tours.cost.max():
         tours = ready.begun  # a long search is better as a rule, not always
     tours, paths, took_s = _evened_out(
-        problem, tours, lines, hooks, work, rounds, ROUND_SHARE * budget_s
+        problem, tours, ready, [ROUND_SHARE * budget_s] * rounds, seed
     )
-    if rounds > 0 and budget_s > 0:
-        lines, paths = _slid(ready, tours, paths, took_s)
+    longest_s = float(took_s.max())
+    if rounds > 0:
+        lines, paths, longest_s = _slid(ready, tours, paths, took_s)
     bound = _bound_of(ready, lines, tours, work)
-    return PartTours(method="minmax", paths=paths, lanes_bound=bound)
+    planned = PartTours(method="minmax", paths=paths, lanes_bound=bound)
+    return Start(ready=ready, tours=tours, planned=planned, longest_s=longest_s)
 
 
 def _slid(
     ready: Prepared, tours: LaneTours, paths: tuple[CoveragePath, ...], took_s: FloatArray
-) -> tuple[tuple[SurveyLine, ...], tuple[CoveragePath, ...]]:
-    """Return lines cut elsewhere, and paths over them, where the last robot is home earlier so.
+) -> tuple[tuple[SurveyLine, ...], tuple[CoveragePath, ...], float]:
+    """Return lines, cut elsewhere where that is better, paths, and when the last robot is home.
 
-    `took_s` are the seconds of the paths.
+    `took_s` are the seconds of the paths before.
     """
     lines, hooks, work = ready.lines, ready.hooks, ready.work
     best, best_paths, best_s = lines, paths, float(took_s.max())
@@ -136,7 +164,7 @@ def _slid(
         paths, took_s = laid(tours, lines, hooks, work)
         if took_s.max() < best_s:
             best, best_paths, best_s = lines, paths, float(took_s.max())
-    return best, best_paths
+    return best, best_paths, best_s
 
 
 def _bound_of(
@@ -198,11 +226,9 @@ def lines_and_hooks(work: PartWork) -> tuple[tuple[SurveyLine, ...], IntArray, H
 def _evened_out(
     problem: LaneProblem,
     tours: LaneTours,
-    lines: tuple[SurveyLine, ...],
-    hooks: Hooks,
-    work: PartWork,
-    rounds: int,
-    budget_s: float,
+    ready: Prepared,
+    rounds_s: Sequence[float],
+    seed: int,
 ) -> tuple[LaneTours, tuple[CoveragePath, ...], FloatArray]:
     """Return tours whose paths, as they are laid, end at nearly the same time, the paths, seconds.
 
@@ -211,16 +237,17 @@ def _evened_out(
     """
     from mrmission.minmax.search import minmax
 
+    lines, hooks, work = ready.lines, ready.hooks, ready.work
     paths, took_s = laid(tours, lines, hooks, work)
-    if budget_s <= 0 or len(paths) < 2:
-        return tours, paths, took_s
     best = tours, paths, took_s
-    for _ in range(rounds):
+    if len(paths) < 2:  # nobody to share with
+        return best
+    for budget_s in rounds_s:
         more_s = took_s - np.array([tour_cost(problem, r, e) for r, e in enumerate(tours.entries)])
         handicap = replace(
             problem, home_cost=np.maximum(problem.home_cost + 0.5 * more_s[:, None], 0.0)
         )
-        tours = minmax(handicap, budget_s, work.options.seed, tours)
+        tours = minmax(handicap, budget_s, seed, tours)
         paths, took_s = laid(tours, lines, hooks, work)
         if took_s.max() < best[2].max():
             best = tours, paths, took_s

@@ -11,7 +11,8 @@ import shapely
 from mrmission.area.berths import berths
 from mrmission.area.legs import leg_tolerance_m
 from mrmission.minmax.angle import BearingChoice, WorkAt, choose_bearing
-from mrmission.minmax.planner import lane_tours
+from mrmission.minmax.planner import lane_tours, prepare
+from mrmission.minmax.starts import best_start
 from mrmission.mission.build import LAUNCH_RADIUS_M
 from mrmission.model import FloatArray
 from mrmission.options import PlanOptions
@@ -85,11 +86,15 @@ def plan_part(
         )
 
     choice = _lay_of_lanes(part, harbour, spacing, options, own_times[0], work_at)
-    found = choice.prepared
-    work = found.work if found else work_at(choice.bearing_deg, fairway=choice.fairway)
-    work = replace(work, options=replace(options, time_budget_s=choice.budget_left_s))
-    tours = lane_tours(work, found) if options.method == "minmax" else cell_tours(work)
-    return PartPlan(work=work, tours=tours)
+    lays = choice.prepared
+    left = replace(options, time_budget_s=choice.budget_left_s)
+    if options.method == "minmax":
+        if not lays:
+            lays = (prepare(work_at(choice.bearing_deg, fairway=choice.fairway)),)
+        best = best_start(lays, choice.budget_left_s, options.seed)
+        return PartPlan(work=replace(best.ready.work, options=left), tours=best.planned)
+    work = replace(work_at(choice.bearing_deg, fairway=choice.fairway), options=left)
+    return PartPlan(work=work, tours=cell_tours(work))
 
 
 def _lay_of_lanes(
