@@ -50,6 +50,9 @@ MOST_PLANNED, MOST_REAL = 8, 3
 """At most so many candidates are planned, and so many with all that the plan will know."""
 FAIRWAYS_PLANNED, FAIRWAYS_REAL = 4, 1
 """So many more where each may be planned with a fairway."""
+KEPT_LINES = 1500
+"""Of more lines, cut, only the best candidate's work is kept: what is known of all ways of one
+takes 150 MB."""
 WORSE = 1.1
 """Candidates whose lanes, turns and slivers cost more than this many times the least are not
 planned."""
@@ -285,8 +288,8 @@ def choose_bearing(
             makespan_s = float((tours.cost + more_trips_s(ready, tours)).max())
             planned.append((makespan_s, replace(ready, begun=tours)))
             planned.sort(key=lambda one: one[0])
-            # what is known of all ways is large
-            del planned[starts_within(left_s, len(planned[0][1].lines)) :]
+            lines = len(planned[0][1].lines)
+            del planned[starts_within(left_s, lines) if lines <= KEPT_LINES else 1 :]
             return makespan_s
 
         last = _last_round(ranked, by_rough)[: can.real]

@@ -205,6 +205,34 @@ def test_the_last_round_knows_all_that_the_plan_knows() -> None:
     assert found.report.makespan_s == pytest.approx(min(t.makespan_s for t in last), rel=0.05)
 
 
+@pytest.mark.parametrize(
+    ("budget_s", "kept_lines", "several"), [(0.5, 1500, False), (4.0, 1500, True), (4.0, 10, False)]
+)
+def test_works_that_came_near_are_kept_where_they_can_be_searched(
+    budget_s: float, kept_lines: int, several: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen = []
+
+    def spied(*args: object, **kwargs: object) -> angle.BearingChoice:
+        seen.append(choose_bearing(*args, **kwargs))  # type: ignore[arg-type]
+        return seen[-1]
+
+    monkeypatch.setattr("mrmission.stages.part.choose_bearing", spied)
+    monkeypatch.setattr(angle, "KEPT_LINES", kept_lines)
+    options = PlanOptions(
+        robots=2, swath_m=30.0, clearance_m=0.0, method="minmax", fence=False,
+        time_budget_s=budget_s, separation_m=0.0,
+    )  # fmt: skip
+    plan(area_of(turned_box(400, 300, 75.0)), options)
+    (choice,) = seen
+    assert (len(choice.prepared) > 1) == several
+    assert choice.prepared[0].work.sweep.frame.bearing_deg == choice.bearing_deg
+    took_s = [ready.begun.cost.max() for ready in choice.prepared if ready.begun is not None]
+    assert len(took_s) == len(choice.prepared)
+    assert took_s == sorted(took_s)
+    assert took_s[-1] <= angle.NEAR_BEST * took_s[0]
+
+
 def test_ten_thousand_lanes_are_not_planned_to_choose() -> None:
     can = angle._affordable(angle.BUDGET_SHARE * 5.0, 10_000, 20, last_round=True)
     assert (can.planned, can.real) == (0, 0)
