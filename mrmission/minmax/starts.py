@@ -14,9 +14,8 @@ from dataclasses import replace
 from mrmission.minmax.full import more_trips_s
 from mrmission.minmax.planner import BUDGET_PER_LINE_S, Prepared, Start, one_start
 
-START_SHARE = 0.4
-"""A start gets at least so much of what its lines can use: where there is budget for two, several
-short searches come to more than one long one (see docs/planner.md)."""
+START_SHARE = 0.25
+"""A further start gets at least so much of what its lines can use."""
 MOST_STARTS = 8
 NEAR_BEST = 1.03
 """Lays of lanes whose makespan after a short search is more than this many times the least are not
@@ -27,15 +26,21 @@ plans to compare."""
 
 
 def starts_within(budget_s: float, lines: int) -> int:
-    """Return how many starts there are with so many lines: one while one can use the budget."""
+    """Return how many starts there are with so many lines: at least one."""
+    return 1 + _further(budget_s, lines)
+
+
+def _further(budget_s: float, lines: int) -> int:
+    """Return how many starts what the first one cannot use is enough for."""
     usable_s = BUDGET_PER_LINE_S * max(lines, 1)
-    if budget_s < usable_s:
-        return 1
-    return min(int(budget_s / (START_SHARE * usable_s)), MOST_STARTS)
+    return min(max(int((budget_s / usable_s - 1.0) / START_SHARE), 0), MOST_STARTS - 1)
 
 
 def best_start(lays: Sequence[Prepared], budget_s: float, seed: int) -> Start:
     """Return the start whose last robot is home first.
+
+    The first start, with the most promising lay, has what it would have alone, so that there is no
+    harm in the others.
 
     Parameters
     ----------
@@ -46,20 +51,23 @@ def best_start(lays: Sequence[Prepared], budget_s: float, seed: int) -> Start:
     seed
         Of the first search with each lay.
     """
-    starts = starts_within(budget_s, len(lays[0].lines))
 
-    def start(ready: Prepared, seed: int) -> tuple[Start, float]:
-        found = one_start(ready, budget_s / starts, seed)
+    def start(ready: Prepared, search_s: float, seed: int) -> tuple[Start, float]:
+        found = one_start(ready, search_s, seed)
         # tours with more items than their robots hold are cut later
         return found, found.longest_s + float(more_trips_s(ready, found.tours).max())
 
-    best, least_s = start(lays[0], seed)
-    for number in range(1, starts):
+    lines = len(lays[0].lines)
+    best, least_s = start(lays[0], budget_s, seed)
+    further = _further(budget_s, lines)
+    left_s = budget_s - BUDGET_PER_LINE_S * lines
+    for number in range(1, further + 1):
         again = number + 1 - len(lays)
         if again <= 0:
-            found, took_s = start(lays[number], seed)
+            found, took_s = start(lays[number], left_s / further, seed)
         else:
-            found, took_s = start(replace(best.ready, begun=None), seed + again * NEXT_SEED)
+            ready = replace(best.ready, begun=None)
+            found, took_s = start(ready, left_s / further, seed + again * NEXT_SEED)
         if took_s < least_s:
             best, least_s = found, took_s
     return best

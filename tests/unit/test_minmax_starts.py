@@ -59,8 +59,8 @@ class _Spy:
 
 def test_starts_follow_from_the_budget_and_the_lines() -> None:
     assert starts_within(0.0, 100) == 1
-    assert starts_within(0.99 * BUDGET_PER_LINE_S * 100, 100) == 1  # one search can use it
-    assert starts_within(1.01 * BUDGET_PER_LINE_S * 100, 100) == 2
+    assert starts_within(1.24 * BUDGET_PER_LINE_S * 100, 100) == 1  # one search can use it
+    assert starts_within(1.26 * BUDGET_PER_LINE_S * 100, 100) == 2
     assert starts_within(2.01 * BUDGET_PER_LINE_S * 100, 100) == 5
     assert starts_within(1e6, 100) == starts_within(1.0, 0) == MOST_STARTS
     most = [starts_within(20.0, lines) for lines in range(10, 2000)]
@@ -77,12 +77,17 @@ def test_the_best_of_all_starts_is_taken(seed: int, monkeypatch: pytest.MonkeyPa
     assert len(spy.calls) == 5
     assert best.longest_s == min(found.longest_s for found in spy.found)
     assert len({found.longest_s for found in spy.found}) > 2  # they do differ
+    # the first start has all that it can use, as if it were alone
+    alone = one_start(lays[0], budget_s, seed)
+    assert spy.found[0].longest_s == alone.longest_s
     # every lay once, then the better of both with other seeds
     assert [call[0] for call in spy.calls[:2]] == lays
     better = min(spy.found[:2], key=lambda found: found.longest_s).ready.lines
     assert spy.calls[2][0].lines is better
     assert len({(id(ready.lines), seed) for ready, _, seed in spy.calls}) == 5
-    assert sum(given for _, given, _ in spy.calls) == pytest.approx(budget_s)
+    used_s = [min(given, BUDGET_PER_LINE_S * len(ready.lines)) for ready, given, _ in spy.calls]
+    assert sum(used_s) == pytest.approx(budget_s)
+    assert used_s[0] == pytest.approx(budget_s / 2.01)
     # the seconds are those of the paths
     work = best.ready.work
     took_s = [work.time.duration_s(path.points_m, path.kind) for path in best.planned.paths]
@@ -96,7 +101,7 @@ def test_a_lay_that_only_looked_better_is_left(monkeypatch: pytest.MonkeyPatch) 
     channel = shapely.box(0.0, 0.0, 1500.0, 150.0)
     across, along = (_lay(channel, bearing, robots=2) for bearing in (0.0, 90.0))
     spy = _Spy(monkeypatch)
-    best = best_start([across, along], 1.21 * BUDGET_PER_LINE_S * len(across.lines), 0)
+    best = best_start([across, along], 1.51 * BUDGET_PER_LINE_S * len(across.lines), 0)
     assert best.ready.lines is along.lines
     assert [ready.lines is along.lines for ready, _, _ in spy.calls] == [False, True, True]
 
@@ -111,7 +116,7 @@ def test_a_small_budget_is_left_to_one_search(monkeypatch: pytest.MonkeyPatch) -
 
 def test_trips_for_full_memories_count(monkeypatch: pytest.MonkeyPatch) -> None:
     lay = _lay(_lake(2), 20.0)
-    budget_s = 2.01 * BUDGET_PER_LINE_S * len(lay.lines)
+    budget_s = 1.6 * BUDGET_PER_LINE_S * len(lay.lines)
     spy = _Spy(monkeypatch)
     free = best_start([lay], budget_s, 0)
 
@@ -138,14 +143,9 @@ def test_a_plan_is_searched_as_often_as_its_budget_allows(
     )  # fmt: skip
     found = plan(area_of(_lake(4)), options)
     assert (len(spy.calls) > 1) == several
-    assert sum(given for _, given, _ in spy.calls) <= budget_s
     best = min(spy.found, key=lambda start: start.longest_s)
     assert found.report.angle_deg == pytest.approx(best.ready.work.sweep.frame.bearing_deg)
     assert found.report.makespan_s == pytest.approx(best.longest_s, rel=0.01)
     # others were tried only where they came near, after a short search
     begun = [ready.begun.cost.max() for ready, _, _ in spy.calls if ready.begun is not None]
     assert max(begun, default=0.0) <= NEAR_BEST * min(begun, default=0.0)
-    if several:
-        (first, given, seed) = spy.calls[0]
-        alone = one_start(first, given, seed)
-        assert best.longest_s <= alone.longest_s
