@@ -27,7 +27,7 @@ from mrmission.minmax.full import more_trips_s
 from mrmission.minmax.planner import BUDGET_PER_LINE_S, Prepared, prepare
 from mrmission.minmax.problem import LaneProblem
 from mrmission.minmax.slivers import Lanes, look
-from mrmission.minmax.starts import NEAR_BEST, starts_within
+from mrmission.minmax.starts import starts_within
 from mrmission.minmax.travel import DENSE_ENDS
 from mrmission.model import FloatArray
 from mrmission.routing.harbour import Harbour
@@ -50,6 +50,9 @@ MOST_PLANNED, MOST_REAL = 8, 3
 """At most so many candidates are planned, and so many with all that the plan will know."""
 FAIRWAYS_PLANNED, FAIRWAYS_REAL = 4, 1
 """So many more where each may be planned with a fairway."""
+NEAR_BEST = 1.03
+"""Candidates that take more than this many times the least in the last round are not searched
+further."""
 KEPT_LINES = 1500
 """Of more lines, cut, only the best candidate's work is kept: what is known of all ways of one
 takes 150 MB."""
@@ -278,7 +281,7 @@ def choose_bearing(
 
         took_s = [planned_s(1, candidate, cheap) for candidate in ranked[: can.planned]]
         ranked = [ranked[i] for i in np.argsort(took_s, kind="stable")]
-    planned: list[tuple[float, Prepared]] = []
+    near: list[tuple[float, Prepared]] = []
     if work_at is not None and can.real:
         make = work_at
 
@@ -286,10 +289,10 @@ def choose_bearing(
             ready = prepare(make(bearings[candidate[0]], fairway=candidate[1]))
             tours = minmax(ready.problem, search_s, seed)
             makespan_s = float((tours.cost + more_trips_s(ready, tours)).max())
-            planned.append((makespan_s, replace(ready, begun=tours)))
-            planned.sort(key=lambda one: one[0])
-            lines = len(planned[0][1].lines)
-            del planned[starts_within(left_s, lines) if lines <= KEPT_LINES else 1 :]
+            near.append((makespan_s, replace(ready, begun=tours)))
+            near.sort(key=lambda one: one[0])
+            lines = len(near[0][1].lines)
+            del near[starts_within(left_s, lines) if lines <= KEPT_LINES else 1 :]
             return makespan_s
 
         last = _last_round(ranked, by_rough)[: can.real]
@@ -300,7 +303,7 @@ def choose_bearing(
         bearing_deg=bearings[number],
         budget_left_s=max(left_s, 0.0),
         fairway=with_fairway,
-        prepared=tuple(ready for took, ready in planned if took <= NEAR_BEST * planned[0][0]),
+        prepared=tuple(ready for took, ready in near if took <= NEAR_BEST * near[0][0]),
         tried=tuple(tried.values()),
     )
 

@@ -142,7 +142,7 @@ def one_start(ready: Prepared, budget_s: float, seed: int) -> Start:
     longest_s = float(took_s.max())
     if rounds > 0:
         lines, paths, longest_s = _slid(ready, tours, paths, took_s)
-    bound = _bound_of(ready, lines, tours, work)
+    bound = _bound_of(ready, lines, tours)
     planned = PartTours(method="minmax", paths=paths, lanes_bound=bound)
     return Start(ready=ready, tours=tours, planned=planned, longest_s=longest_s)
 
@@ -168,12 +168,13 @@ def _slid(
 
 
 def _bound_of(
-    ready: Prepared, lines: tuple[SurveyLine, ...], tours: LaneTours, work: PartWork
+    ready: Prepared, lines: tuple[SurveyLine, ...], tours: LaneTours
 ) -> Callable[[], LanesBound] | None:
     """Return what finds the bound for the lines, slid, that tours sweep; None for trips.
 
     It keeps what it needs of all ways, and no more.
     """
+    work = ready.work
     if work.in_trips:  # planned as robots of their own
         return None
     swept, ends = swept_in_one_go(lines, tours, ready.line_of)

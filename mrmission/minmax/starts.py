@@ -17,23 +17,16 @@ from mrmission.minmax.planner import BUDGET_PER_LINE_S, Prepared, Start, one_sta
 START_SHARE = 0.25
 """A further start gets at least so much of what its lines can use."""
 MOST_STARTS = 8
-NEAR_BEST = 1.03
-"""Lays of lanes whose makespan after a short search is more than this many times the least are not
-searched further."""
 NEXT_SEED = 1_000_003
 """From the seed of one start to that of the next with the same lanes: no seeds that users take for
 plans to compare."""
 
 
 def starts_within(budget_s: float, lines: int) -> int:
-    """Return how many starts there are with so many lines: at least one."""
-    return 1 + _further(budget_s, lines)
-
-
-def _further(budget_s: float, lines: int) -> int:
-    """Return how many starts what the first one cannot use is enough for."""
+    """Return how many starts there are with so many lines: one, and more by what it cannot use."""
     usable_s = BUDGET_PER_LINE_S * max(lines, 1)
-    return min(max(int((budget_s / usable_s - 1.0) / START_SHARE), 0), MOST_STARTS - 1)
+    further = int((budget_s / usable_s - 1.0) / START_SHARE)
+    return 1 + min(max(further, 0), MOST_STARTS - 1)
 
 
 def best_start(lays: Sequence[Prepared], budget_s: float, seed: int) -> Start:
@@ -51,23 +44,23 @@ def best_start(lays: Sequence[Prepared], budget_s: float, seed: int) -> Start:
     seed
         Of the first search with each lay.
     """
-
-    def start(ready: Prepared, search_s: float, seed: int) -> tuple[Start, float]:
-        found = one_start(ready, search_s, seed)
-        # tours with more items than their robots hold are cut later
-        return found, found.longest_s + float(more_trips_s(ready, found.tours).max())
-
     lines = len(lays[0].lines)
-    best, least_s = start(lays[0], budget_s, seed)
-    further = _further(budget_s, lines)
-    left_s = budget_s - BUDGET_PER_LINE_S * lines
-    for number in range(1, further + 1):
-        again = number + 1 - len(lays)
-        if again <= 0:
-            found, took_s = start(lays[number], left_s / further, seed)
-        else:
-            ready = replace(best.ready, begun=None)
-            found, took_s = start(ready, left_s / further, seed + again * NEXT_SEED)
+    starts = starts_within(budget_s, lines)
+    best = one_start(lays[0], budget_s, seed)
+    if starts == 1:
+        return best
+    least_s = _home_s(best)
+    each_s = (budget_s - BUDGET_PER_LINE_S * lines) / (starts - 1)
+    for number in range(1, starts):
+        again = max(number + 1 - len(lays), 0)
+        ready = replace(best.ready, begun=None) if again else lays[number]
+        found = one_start(ready, each_s, seed + again * NEXT_SEED)
+        took_s = _home_s(found)
         if took_s < least_s:
             best, least_s = found, took_s
     return best
+
+
+def _home_s(start: Start) -> float:
+    """Return when the last robot is home; tours of too many items are cut into trips later."""
+    return start.longest_s + float(more_trips_s(start.ready, start.tours).max())

@@ -86,15 +86,13 @@ def plan_part(
         )
 
     choice = _lay_of_lanes(part, harbour, spacing, options, own_times[0], work_at)
-    lays = choice.prepared
     left = replace(options, time_budget_s=choice.budget_left_s)
-    if options.method == "minmax":
-        if not lays:
-            lays = (prepare(work_at(choice.bearing_deg, fairway=choice.fairway)),)
-        best = best_start(lays, choice.budget_left_s, options.seed)
-        return PartPlan(work=replace(best.ready.work, options=left), tours=best.planned)
-    work = replace(work_at(choice.bearing_deg, fairway=choice.fairway), options=left)
-    return PartPlan(work=work, tours=cell_tours(work))
+    if options.method != "minmax":
+        work = replace(work_at(choice.bearing_deg), options=left)
+        return PartPlan(work=work, tours=cell_tours(work))
+    lays = choice.prepared or (prepare(work_at(choice.bearing_deg, fairway=choice.fairway)),)
+    best = best_start(lays, choice.budget_left_s, options.seed)
+    return PartPlan(work=replace(best.ready.work, options=left), tours=best.planned)
 
 
 def _lay_of_lanes(

@@ -10,6 +10,7 @@ from mrmission.errors import ConfigError
 from mrmission.minmax import angle
 from mrmission.minmax.angle import BUDGET_SHARE, candidate_bearings, choose_bearing
 from mrmission.minmax.slivers import look
+from mrmission.model import FleetPlan
 from mrmission.options import PlanOptions
 from mrmission.pipeline import plan
 from mrmission.routing.harbour import Harbour
@@ -178,22 +179,32 @@ def test_stairs_are_swept_along_their_steps() -> None:
     assert min(off_deg(choice.bearing_deg, 0.0), off_deg(choice.bearing_deg, 90.0)) < 0.01
 
 
-def test_the_last_round_knows_all_that_the_plan_knows() -> None:
-    area = area_of(turned_box(400, 300, 75.0))
-    seen = []
+@pytest.fixture
+def choices(monkeypatch: pytest.MonkeyPatch) -> list[angle.BearingChoice]:
+    """What plans choose, as they do it."""
+    seen: list[angle.BearingChoice] = []
 
     def spied(*args: object, **kwargs: object) -> angle.BearingChoice:
         seen.append(choose_bearing(*args, **kwargs))  # type: ignore[arg-type]
         return seen[-1]
 
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("mrmission.stages.part.choose_bearing", spied)
-        options = PlanOptions(
-            robots=2, swath_m=30.0, clearance_m=0.0, method="minmax", fence=False,
-            time_budget_s=1.0, separation_m=0.0,
-        )  # fmt: skip
-        found = plan(area, options)
-    (choice,) = seen
+    monkeypatch.setattr("mrmission.stages.part.choose_bearing", spied)
+    return seen
+
+
+def _turned_plan(budget_s: float) -> FleetPlan:
+    options = PlanOptions(
+        robots=2, swath_m=30.0, clearance_m=0.0, method="minmax", fence=False,
+        time_budget_s=budget_s, separation_m=0.0,
+    )  # fmt: skip
+    return plan(area_of(turned_box(400, 300, 75.0)), options)
+
+
+def test_the_last_round_knows_all_that_the_plan_knows(
+    choices: list[angle.BearingChoice],
+) -> None:
+    found = _turned_plan(1.0)
+    (choice,) = choices
     last = [t for t in choice.tried if t.round == 2]
     assert 2 <= len(last) <= angle.MOST_REAL + angle.FAIRWAYS_REAL
     best = min(last, key=lambda t: t.makespan_s)
@@ -209,22 +220,15 @@ def test_the_last_round_knows_all_that_the_plan_knows() -> None:
     ("budget_s", "kept_lines", "several"), [(0.5, 1500, False), (4.0, 1500, True), (4.0, 10, False)]
 )
 def test_works_that_came_near_are_kept_where_they_can_be_searched(
-    budget_s: float, kept_lines: int, several: bool, monkeypatch: pytest.MonkeyPatch
+    budget_s: float,
+    kept_lines: int,
+    several: bool,
+    choices: list[angle.BearingChoice],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    seen = []
-
-    def spied(*args: object, **kwargs: object) -> angle.BearingChoice:
-        seen.append(choose_bearing(*args, **kwargs))  # type: ignore[arg-type]
-        return seen[-1]
-
-    monkeypatch.setattr("mrmission.stages.part.choose_bearing", spied)
     monkeypatch.setattr(angle, "KEPT_LINES", kept_lines)
-    options = PlanOptions(
-        robots=2, swath_m=30.0, clearance_m=0.0, method="minmax", fence=False,
-        time_budget_s=budget_s, separation_m=0.0,
-    )  # fmt: skip
-    plan(area_of(turned_box(400, 300, 75.0)), options)
-    (choice,) = seen
+    _turned_plan(budget_s)
+    (choice,) = choices
     assert (len(choice.prepared) > 1) == several
     assert choice.prepared[0].work.sweep.frame.bearing_deg == choice.bearing_deg
     took_s = [ready.begun.cost.max() for ready in choice.prepared if ready.begun is not None]

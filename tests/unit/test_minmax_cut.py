@@ -8,16 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import shapely
+from part_works import part_work
 
 from mrmission.minmax.cut import MARGIN, MOST_LINES, cut_lines, swept_in_one_go
 from mrmission.minmax.problem import LaneProblem, LaneTours, tour_cost
 from mrmission.minmax.search import minmax
 from mrmission.options import PlanOptions
-from mrmission.routing.harbour import Harbour
-from mrmission.tour.coverage import Uncovered
-from mrmission.tour.flight import time_model
-from mrmission.tour.lines import SurveyLine, lane_lines
-from mrmission.tour.sweep import sweep_region
+from mrmission.tour.lines import SurveyLine
 from mrmission.tour.work import PartWork
 
 # a hall with an arm that opens in the middle of its long side
@@ -26,19 +23,8 @@ HALL = shapely.union(shapely.box(0, 0, 100, 600), shapely.box(100, 280, 300, 340
 
 def _work(robots: int, **options: object) -> PartWork:
     given = PlanOptions(robots=robots, swath_m=20.0, overlap=0.0, **options)  # type: ignore[arg-type]
-    sweep = sweep_region(HALL, 0.0, 19.9)
     homes = np.array([[5.0 + 5.0 * r, 5.0] for r in range(robots)])
-    return PartWork(
-        region_m=HALL,
-        robots=tuple(range(1, robots + 1)),
-        homes_m=homes,
-        sweep=sweep,
-        lines=lane_lines(sweep),
-        harbour=Harbour(HALL, homes),
-        uncovered=Uncovered(sweep.region, sweep.column_pitch_m, 10.0),
-        times=(time_model(given),) * robots,
-        options=given,
-    )
+    return part_work(HALL, homes, given, spacing_m=19.9)
 
 
 @pytest.mark.parametrize("robots", [1, 4, 12])

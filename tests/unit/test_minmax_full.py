@@ -6,16 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import shapely
+from part_works import part_work
 
 from mrmission.minmax.full import more_trips_s
 from mrmission.minmax.planner import prepare
 from mrmission.minmax.search import minmax
 from mrmission.options import PlanOptions, VehicleLimits
-from mrmission.routing.harbour import Harbour
-from mrmission.tour.coverage import Uncovered
-from mrmission.tour.flight import time_model
-from mrmission.tour.lines import lane_lines
-from mrmission.tour.sweep import sweep_region
 from mrmission.tour.work import PartWork
 
 
@@ -26,14 +22,8 @@ def work_of(items: int) -> PartWork:
         robots=2, swath_m=20.0, overlap=0.0, clearance_m=0.0, time_budget_s=0.1,
         limits=VehicleLimits(mission_items=items),
     )  # fmt: skip
-    sweep = sweep_region(water, 0.0, 20.0)
     homes = np.array([[1390.0, 145.0], [1390.0, 155.0]])
-    return PartWork(
-        region_m=water, robots=(1, 2), homes_m=homes, sweep=sweep, lines=lane_lines(sweep),
-        harbour=Harbour(water, homes),
-        uncovered=Uncovered(sweep.region, sweep.column_pitch_m, 10.0),
-        times=(time_model(asked),) * 2, options=asked,
-    )  # fmt: skip
+    return part_work(water, homes, asked, spacing_m=20.0)
 
 
 def test_a_trip_more_for_each_memory_that_is_full() -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import shapely
 from lakes import random_lake_m
+from part_works import in_a_row, part_work
 
 from mrmission.minmax import planner, travel
 from mrmission.minmax.costs import line_costs
@@ -17,12 +18,10 @@ from mrmission.minmax.runs import part_costs
 from mrmission.minmax.search import minmax, tour_cost
 from mrmission.model import FloatArray, IntArray
 from mrmission.options import PlanOptions
-from mrmission.routing.harbour import Harbour
-from mrmission.tour.coverage import Uncovered, total_area
+from mrmission.tour.coverage import total_area
 from mrmission.tour.flight import time_model
-from mrmission.tour.lines import SurveyLine, ends_of, lane_lines
+from mrmission.tour.lines import SurveyLine, ends_of
 from mrmission.tour.repair import fleet_legs, pieces_to_repair
-from mrmission.tour.sweep import sweep_region
 from mrmission.tour.timing import TimeModel
 from mrmission.tour.work import PartWork
 
@@ -34,15 +33,9 @@ def _work(seed: int, robots: int = 3, **options: object) -> PartWork:
         robots=robots, swath_m=25.0, overlap=0.0, clearance_m=0.0, method="minmax",
         time_budget_s=0.1, seed=seed, **options,
     )  # fmt: skip
-    sweep = sweep_region(lake, float(rng.uniform(0, 180)), 24.9)
-    inner = shapely.get_coordinates(lake.representative_point())[0]
-    homes = inner + 6.0 * np.arange(robots)[:, None] * [1.0, 0.0]
-    return PartWork(
-        region_m=lake, robots=tuple(range(1, robots + 1)), homes_m=homes, sweep=sweep,
-        lines=lane_lines(sweep), harbour=Harbour(lake, homes),
-        uncovered=Uncovered(sweep.region, sweep.column_pitch_m, 12.5),
-        times=(time_model(asked),) * robots, options=asked,
-    )  # fmt: skip
+    bearing_deg = float(rng.uniform(0, 180))
+    homes = in_a_row(lake, robots)
+    return part_work(lake, homes, asked, spacing_m=24.9, bearing_deg=bearing_deg)
 
 
 @pytest.mark.parametrize("seed", range(4))

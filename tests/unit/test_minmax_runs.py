@@ -5,38 +5,24 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
+from part_works import part_work
 
 from mrmission.minmax.hooks import around_land, find_hooks
 from mrmission.minmax.runs import part_costs, with_runs
 from mrmission.options import PlanOptions
-from mrmission.routing.harbour import Harbour
-from mrmission.tour.coverage import Uncovered
-from mrmission.tour.flight import time_model
 from mrmission.tour.lines import SurveyLine, lengths_m
-from mrmission.tour.sweep import sweep_region
 from mrmission.tour.work import PartWork
 
 LAKE = shapely.box(0, 0, 200, 300)
 
 
 def work_of(options: PlanOptions, lake: shapely.Polygon = LAKE) -> PartWork:
-    sweep = sweep_region(lake, 0.0, 40.0)
     lanes = tuple(
         SurveyLine(points_m=np.array([[x, 10.0], [x, 260.0]]), name=str(i))
         for i, x in enumerate((20.0, 60.0, 100.0, 140.0, 180.0), 1)
     )
     homes = np.array([[5.0, 5.0], [195.0, 5.0]])
-    return PartWork(
-        region_m=lake,
-        robots=(1, 2),
-        homes_m=homes,
-        sweep=sweep,
-        lines=lanes,
-        harbour=Harbour(lake, homes),
-        uncovered=Uncovered(sweep.region, 40.0, 20.0),
-        times=(time_model(options),) * 2,
-        options=options,
-    )
+    return part_work(lake, homes, options, spacing_m=40.0, lines=lanes)
 
 
 def test_runs_end_where_the_water_ends() -> None:

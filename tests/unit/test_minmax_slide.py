@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import shapely
 from lakes import random_lake_m
+from part_works import in_a_row, part_work
 
 from mrmission.minmax import planner, slide
 from mrmission.minmax.hooks import no_hooks
@@ -17,33 +18,22 @@ from mrmission.minmax.search import minmax
 from mrmission.minmax.slide import slid
 from mrmission.model import FloatArray
 from mrmission.options import PlanOptions
-from mrmission.routing.harbour import Harbour
-from mrmission.tour.coverage import Uncovered
 from mrmission.tour.flight import time_model
-from mrmission.tour.lines import SurveyLine, lane_lines, lengths_m
-from mrmission.tour.sweep import sweep_region
+from mrmission.tour.lines import SurveyLine, lengths_m
 from mrmission.tour.work import PartWork
 
 
 def _work(region: shapely.Polygon, homes: FloatArray, swath_m: float) -> PartWork:
-    robots = len(homes)
     asked = PlanOptions(
-        robots=robots, swath_m=swath_m, overlap=0.0, clearance_m=0.0, method="minmax",
+        robots=len(homes), swath_m=swath_m, overlap=0.0, clearance_m=0.0, method="minmax",
         time_budget_s=0.2,
     )  # fmt: skip
-    sweep = sweep_region(region, 0.0, swath_m - 0.1)
-    return PartWork(
-        region_m=region, robots=tuple(range(1, robots + 1)), homes_m=homes, sweep=sweep,
-        lines=lane_lines(sweep), harbour=Harbour(region, homes),
-        uncovered=Uncovered(sweep.region, sweep.column_pitch_m, swath_m / 2),
-        times=(time_model(asked),) * robots, options=asked,
-    )  # fmt: skip
+    return part_work(region, homes, asked, spacing_m=swath_m - 0.1)
 
 
 def _lake(seed: int, robots: int) -> PartWork:
     lake = random_lake_m(np.random.default_rng(seed), 900.0, 2)
-    inner = shapely.get_coordinates(lake.representative_point())[0]
-    return _work(lake, inner + 6.0 * np.arange(robots)[:, None] * [1.0, 0.0], 25.0)
+    return _work(lake, in_a_row(lake, robots), 25.0)
 
 
 @pytest.mark.parametrize("seed", range(6))

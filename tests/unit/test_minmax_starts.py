@@ -6,37 +6,24 @@ import numpy as np
 import pytest
 import shapely
 from lakes import area_of, random_lake_m
+from part_works import in_a_row, part_work
 
 from mrmission.minmax import starts
+from mrmission.minmax.angle import NEAR_BEST
 from mrmission.minmax.planner import BUDGET_PER_LINE_S, Prepared, Start, one_start, prepare
 from mrmission.minmax.problem import LaneTours
-from mrmission.minmax.starts import MOST_STARTS, NEAR_BEST, best_start, starts_within
+from mrmission.minmax.starts import MOST_STARTS, best_start, starts_within
 from mrmission.model import FloatArray
 from mrmission.options import PlanOptions
 from mrmission.pipeline import plan
-from mrmission.routing.harbour import Harbour
-from mrmission.tour.coverage import Uncovered
-from mrmission.tour.flight import time_model
-from mrmission.tour.lines import lane_lines
-from mrmission.tour.sweep import sweep_region
-from mrmission.tour.work import PartWork
 
 
 def _lay(lake: shapely.Polygon, bearing_deg: float, robots: int = 4) -> Prepared:
     options = PlanOptions(
         robots=robots, swath_m=25.0, overlap=0.0, clearance_m=0.0, method="minmax"
     )
-    sweep = sweep_region(lake, bearing_deg, 24.9)
-    inner = shapely.get_coordinates(lake.representative_point())[0]
-    homes = inner + 6.0 * np.arange(robots)[:, None] * [1.0, 0.0]
-    return prepare(
-        PartWork(
-            region_m=lake, robots=tuple(range(1, robots + 1)), homes_m=homes, sweep=sweep,
-            lines=lane_lines(sweep), harbour=Harbour(lake, homes),
-            uncovered=Uncovered(sweep.region, sweep.column_pitch_m, 12.5),
-            times=(time_model(options),) * robots, options=options,
-        )
-    )  # fmt: skip
+    homes = in_a_row(lake, robots)
+    return prepare(part_work(lake, homes, options, spacing_m=24.9, bearing_deg=bearing_deg))
 
 
 def _lake(seed: int) -> shapely.Polygon:
